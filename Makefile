@@ -1,0 +1,29 @@
+# Interpreter to set up with (CPython 3.11 to 3.13); empty: the newest found.
+PYTHON ?=
+
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test lint bags clean
+
+help:  ## Show this list
+	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' Makefile | expand -t 16
+
+setup:  ## Make .venv and build the workspace (the others do this by themselves)
+	@sh tools/setup.sh $(PYTHON)
+
+demo: setup  ## Drive onto a soft patch without and with control; table, picture, bags
+	@.venv/bin/traction demo
+
+test: setup  ## Run every test
+	@.venv/bin/python -m pytest
+
+lint: setup  ## Check style, types of the cores, and package.xml files
+	@.venv/bin/ruff check
+	@.venv/bin/ruff format --check
+	@.venv/bin/mypy
+	@.venv/bin/python tools/check_packages.py
+
+bags: setup  ## Make the bags in bags/ again from their CSV files
+	@.venv/bin/python tools/make_bags.py
+
+clean:  ## Remove all that the other targets made
+	rm -rf .venv ros2_ws/build ros2_ws/install ros2_ws/log out

@@ -1,0 +1,9 @@
+"""Where every test of the repository runs: a ROS domain of its own that stays on this machine."""
+
+import os
+
+# Kept if set. Domains 1..101 are those whose ports no other programme is given by Linux.
+os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % 101))
+os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+# Shared memory would leave files behind whenever a test kills a node.
+os.environ['FASTDDS_BUILTIN_TRANSPORTS'] = 'UDPv4'
