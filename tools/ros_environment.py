@@ -66,8 +66,7 @@ def sourced(script, environment):
         ['bash', '--norc', '-c', '. "$1" >&2 && env -0', 'bash', str(script)],
         env=environment,
         check=True,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
+        capture_output=True,
     )
     pairs = result.stdout.decode().split('\0')
     return dict(pair.split('=', 1) for pair in pairs if pair)
