@@ -1,0 +1,28 @@
+from setuptools import find_packages, setup
+
+package_name = 'tractor_io'
+
+setup(
+    name=package_name,
+    version='0.1.0',
+    packages=find_packages(exclude=['test']),
+    package_data={package_name: ['py.typed']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
+        ('share/' + package_name, ['package.xml']),
+        ('share/' + package_name + '/config', ['config/torque_gate.yaml']),
+    ],
+    install_requires=['mcap', 'pyyaml', 'rosbags', 'zstandard'],
+    zip_safe=False,
+    maintainer='Traction-control suite maintainers',
+    maintainer_email='maintainers@traction-control-suite.org',
+    description='Bags, player, recorder, and the gate that every wheel torque passes last.',
+    license='Apache-2.0',
+    entry_points={
+        'console_scripts': [
+            'bag_player = tractor_io.bag_player_node:main',
+            'bag_recorder = tractor_io.bag_recorder_node:main',
+            'torque_gate = tractor_io.torque_gate_node:main',
+        ],
+    },
+)

@@ -1,0 +1,1 @@
+"""Edges of the suite: bags, the torque gate, and the nodes that serve them."""
