@@ -1,0 +1,122 @@
+"""Reading of definitions (soils, vehicles) from YAML with errors that name the culprit."""
+
+import difflib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+Model = TypeVar('Model', bound='Definition')
+
+
+class DefinitionError(ValueError):
+    """A definition that cannot be used; the text names file, key and reason."""
+
+
+class Definition(BaseModel):
+    """Base of soils, wheels and vehicles: frozen, no unknown keys, no NaN or infinity."""
+
+    model_config = ConfigDict(frozen=True, extra='forbid', allow_inf_nan=False)
+
+
+def closest(name: str, known: Iterable[str]) -> str:
+    """Return a hint naming the known name nearest to a mistyped one.
+
+    Parameters
+    ----------
+    name : str
+        The unknown name.
+    known : iterable of str
+        The names there are.
+
+    Returns
+    -------
+    str
+        ``"; did you mean 'x'?"``, or the list of names when none is near.
+    """
+    names = sorted(known)
+    near = difflib.get_close_matches(name, names, n=1)
+    return f"; did you mean '{near[0]}'?" if near else f'; there are: {", ".join(names)}'
+
+
+def read_yaml(path: Path) -> dict[str, Any]:
+    """Read a YAML mapping.
+
+    Parameters
+    ----------
+    path : Path
+        File to read.
+
+    Returns
+    -------
+    dict
+        The mapping in the file.
+
+    Raises
+    ------
+    DefinitionError
+        If the file is missing, is not YAML, or does not hold a mapping.
+    """
+    try:
+        content = yaml.safe_load(path.read_text(encoding='utf-8'))
+    except OSError as error:
+        raise DefinitionError(f'{path}: {error.strerror}') from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise DefinitionError(f'{path}: not valid YAML: {error}') from error
+    if not isinstance(content, dict):
+        raise DefinitionError(f'{path}: expected a mapping, found {type(content).__name__}')
+    return content
+
+
+def build(model: type[Model], content: Any, where: str) -> Model:
+    """Build a definition from a mapping, naming place and key of the first fault.
+
+    Parameters
+    ----------
+    model : type
+        The class to build.
+    content : dict
+        Its keys and values.
+    where : str
+        Named in the error, e.g. the file.
+
+    Returns
+    -------
+    Definition
+        An instance of `model`.
+
+    Raises
+    ------
+    DefinitionError
+        On an unknown, missing or mistyped key, or a value out of range.
+    """
+    try:
+        return model.model_validate(content)
+    except ValidationError as error:
+        fault = error.errors()[0]
+        key = '.'.join(str(part) for part in fault['loc'])
+        reason = fault['msg']
+        if fault['type'] == 'extra_forbidden':
+            reason = 'unknown key' + closest(str(fault['loc'][-1]), _keys(model, fault['loc'][:-1]))
+        elif fault['type'] == 'missing':
+            reason = 'missing'
+        else:
+            reason = f'{reason}, got {fault["input"]!r}'
+        raise DefinitionError(f'{where}: {key}: {reason}') from error
+
+
+def _keys(model: type[BaseModel], location: tuple[int | str, ...]) -> Iterable[str]:
+    """Keys of the model nested at a location of a validation error."""
+    for part in location:
+        if isinstance(part, int):
+            continue
+        annotation = model.model_fields[part].annotation
+        nested = [
+            candidate
+            for candidate in (annotation, *getattr(annotation, '__args__', ()))
+            if isinstance(candidate, type) and issubclass(candidate, BaseModel)
+        ]
+        model = nested[0]
+    return model.model_fields

@@ -1,0 +1,608 @@
+"""Motion of an n-wheel vehicle on soft soil, integrated with fixed-step Runge-Kutta 4.
+
+Per wheel and for the vehicle (Agriculture 2024, 14(3), 499, equations (29) and (31), made
+dimensionally consistent):
+
+    m*v'      = sum_j (F_j - R_j) - drawbar - m*g*sin(grade) - air drag
+    J*omega'  = T - b_f*omega - M
+    m_j*z''   = W_j - N_j
+
+with m_j the mass that the wheel carries at rest and W_j its load after longitudinal load
+transfer.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from traction_model.contact import LEAST_TRANSIT_SPEED, Form, contact, equilibrium_sinkage
+from traction_model.kernel import kernel
+from traction_model.slip import slip
+from traction_model.soil import Soil, Terrain
+from traction_model.vehicle import (
+    AIR_DENSITY,
+    FRICTION,
+    GRAVITY,
+    INERTIA,
+    POSITION,
+    RADIUS,
+    STATIC_LOAD,
+    WIDTH,
+    Vehicle,
+)
+
+# How sinkage is found, as the kernels are told.
+SINKAGE_MODES = {'dynamic': 0, 'equilibrium': 1, 'given': 2}
+
+# Entries of the packed body and of the packed environment.
+MASS, CG_X, CG_HEIGHT, HITCH_HEIGHT, DRAG = range(5)
+PULL, PULL_PER_SPEED, PULL_RAMP, GRADE = range(4)
+
+# The state: speed, distance, then wheel speed, sinkage and sinkage rate of every wheel.
+SPEED, DISTANCE, FIRST_WHEEL = range(3)
+
+
+@dataclass(frozen=True)
+class Drawbar:
+    """Draft of an implement: resists motion, grows with speed.
+
+    Attributes
+    ----------
+    pull : float
+        N, at least 0.
+    pull_per_speed : float
+        N*s/m, at least 0.
+    ramp : float
+        Time over which it builds up from zero, s, at least 0.
+    """
+
+    pull: float = 0.0
+    pull_per_speed: float = 0.0
+    ramp: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ('pull', 'pull_per_speed', 'ramp'):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0):
+                raise ValueError(f'drawbar {name} must be finite and at least 0, got {value}')
+
+
+@kernel
+def drawbar_force(t, v, environment):
+    """Draft at a time and speed.
+
+    Parameters
+    ----------
+    t : float
+        Time since the start, s.
+    v : float
+        Speed, m/s.
+    environment : ndarray, shape (4,)
+        Pull N, pull per speed N*s/m, ramp s, grade rad.
+
+    Returns
+    -------
+    float
+        N, backward positive; fades out at standstill, as an implement does not push.
+    """
+    share = min(1.0, t / environment[PULL_RAMP]) if environment[PULL_RAMP] > 0.0 else 1.0
+    direction = max(-1.0, min(1.0, v / LEAST_TRANSIT_SPEED))
+    return direction * share * (environment[PULL] + environment[PULL_PER_SPEED] * abs(v))
+
+
+@kernel
+def soil_row(x, starts):
+    """Row of the soil at a place along the path.
+
+    Parameters
+    ----------
+    x : float
+        Place along the path, m.
+    starts : ndarray, shape (k,)
+        Where each soil begins, m, the first minus infinity.
+
+    Returns
+    -------
+    int
+        Index of the soil.
+    """
+    row = 0
+    while row + 1 < starts.size and x >= starts[row + 1]:
+        row += 1
+    return row
+
+
+@kernel
+def derivative(t, y, torque, given, form, mode, wheels, body, spread, soils, starts, env, forces):
+    """Rate of change of the state, and the forces that cause it.
+
+    Parameters
+    ----------
+    t : float
+        Time, s.
+    y : ndarray, shape (2 + 3n,)
+        Speed m/s, distance m, wheel speeds rad/s, sinkages m, sinkage rates m/s.
+    torque : ndarray, shape (n,)
+        Drive torque, N*m, forward positive.
+    given : ndarray, shape (n,)
+        Sinkage, m, where `mode` is 2 and the entry is positive.
+    form, mode : int
+        A `Form`; 0 sinkage as a state, 1 from equilibrium, 2 given.
+    wheels : ndarray, shape (n, 6)
+        Packed wheels, SI units.
+    body : ndarray, shape (5,)
+        Mass kg, centre of gravity x and height m, hitch height m, drag N*s^2/m^2.
+    spread : ndarray, shape (n, 2)
+        Load of a wheel, N, per N of total load and per N*m of its moment.
+    soils : ndarray, shape (k, 7)
+        Packed soils, SI units.
+    starts : ndarray, shape (k,)
+        Where they begin, m.
+    env : ndarray, shape (4,)
+        Pull N, pull per speed N*s/m, ramp s, grade rad.
+    forces : ndarray, shape (n, 6)
+        In: the loads, N, in column 0, as a first guess. Out: load on the wheel W, thrust F,
+        resistance R, moment M, N*m, sinkage z, m, and the soil's upward force N, N.
+
+    Returns
+    -------
+    ndarray, shape (2 + 3n,)
+        Rate of change of `y` in SI units per second.
+    """
+    n = wheels.shape[0]
+    v = y[SPEED]
+    mass = body[MASS]
+    dy = np.zeros_like(y)
+    pull = drawbar_force(t, v, env)
+    drag = body[DRAG] * v * abs(v)
+    # Where sinkage follows from load, load transfer and sinkage are found in turn; the
+    # transfer is a small part of the load, so each turn gains more than a digit.
+    turns = 1 if mode == 0 else 4
+    for _ in range(turns):
+        net = 0.0
+        transfer = 0.0
+        for j in range(n):
+            wheel = wheels[j]
+            omega = y[FIRST_WHEEL + j]
+            soil = soils[soil_row(y[DISTANCE] + wheel[POSITION], starts)]
+            z_rate = 0.0
+            if mode == 0:
+                z = y[FIRST_WHEEL + n + j]
+                z_rate = y[FIRST_WHEEL + 2 * n + j]
+            elif mode == 2 and given[j] > 0.0:
+                z = given[j]
+            else:
+                z = equilibrium_sinkage(
+                    form, v, omega, forces[j, 0], soil, wheel[RADIUS], wheel[WIDTH]
+                )
+            load, thrust, resistance, moment = contact(
+                form, v, omega, z, z_rate, soil, wheel[RADIUS], wheel[WIDTH]
+            )
+            forces[j, 1] = thrust
+            forces[j, 2] = resistance
+            forces[j, 3] = moment
+            forces[j, 4] = z
+            forces[j, 5] = load
+            drive = torque[j] - wheel[FRICTION] * omega
+            dy[FIRST_WHEEL + j] = (drive - moment) / wheel[INERTIA]
+            net += thrust - resistance
+            transfer += drive - wheel[RADIUS] * (thrust - resistance)
+        weight = mass * GRAVITY * math.cos(env[GRADE])
+        climb = mass * GRAVITY * math.sin(env[GRADE])
+        dy[SPEED] = (net - pull - climb - drag) / mass
+        # Moment of the loads about the rear axle's ground contact, nose-up positive.
+        turn = body[CG_X] * weight - body[HITCH_HEIGHT] * pull - transfer
+        turn -= body[CG_HEIGHT] * (mass * dy[SPEED] + climb + drag)
+        for j in range(n):
+            forces[j, 0] = max(0.0, spread[j, 0] * weight + spread[j, 1] * turn)
+    dy[DISTANCE] = v
+    if mode == 0:
+        for j in range(n):
+            carried = wheels[j, STATIC_LOAD] / GRAVITY
+            dy[FIRST_WHEEL + n + j] = y[FIRST_WHEEL + 2 * n + j]
+            dy[FIRST_WHEEL + 2 * n + j] = (forces[j, 0] - forces[j, 5]) / carried
+    return dy
+
+
+@kernel
+def rk4(
+    t, dt, y, torque, torque_next, given, given_next, form, mode,
+    wheels, body, spread, soils, starts, env, forces,
+):  # fmt: skip
+    """Advance the state by one step of Runge-Kutta 4; inputs vary linearly over the step.
+
+    Parameters
+    ----------
+    t, dt : float
+        Time at the start of the step and its length, s.
+    y : ndarray, shape (2 + 3n,)
+        State, see `derivative`.
+    torque, torque_next : ndarray, shape (n,)
+        Drive torque at the start and end of the step, N*m.
+    given, given_next : ndarray, shape (n,)
+        Given sinkage at the start and end of the step, m.
+    form, mode, wheels, body, spread, soils, starts, env, forces
+        See `derivative`; SI units.
+
+    Returns
+    -------
+    ndarray, shape (2 + 3n,)
+        State at the end of the step, SI units.
+    """
+    torque_mid = (torque + torque_next) / 2.0
+    given_mid = (given + given_next) / 2.0
+    half = dt / 2.0
+    k1 = derivative(
+        t, y, torque, given, form, mode, wheels, body, spread, soils, starts, env, forces
+    )
+    k2 = derivative(
+        t + half, y + half * k1, torque_mid, given_mid, form, mode,
+        wheels, body, spread, soils, starts, env, forces,
+    )  # fmt: skip
+    k3 = derivative(
+        t + half, y + half * k2, torque_mid, given_mid, form, mode,
+        wheels, body, spread, soils, starts, env, forces,
+    )  # fmt: skip
+    k4 = derivative(
+        t + dt, y + dt * k3, torque_next, given_next, form, mode,
+        wheels, body, spread, soils, starts, env, forces,
+    )  # fmt: skip
+    return y + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+
+
+@kernel
+def _integrate(t0, dt, y, torque, given, form, mode, wheels, body, spread, soils, starts, env):
+    steps = torque.shape[0] - 1
+    n = wheels.shape[0]
+    states = np.empty((steps + 1, y.size))
+    logged = np.empty((steps + 1, n, 6))
+    forces = np.zeros((n, 6))
+    forces[:, 0] = wheels[:, STATIC_LOAD]
+    states[0] = y
+    for k in range(steps):
+        y = rk4(
+            t0 + k * dt, dt, y, torque[k], torque[k + 1], given[k], given[k + 1], form, mode,
+            wheels, body, spread, soils, starts, env, forces,
+        )  # fmt: skip
+        states[k + 1] = y
+    for k in range(steps + 1):
+        derivative(
+            t0 + k * dt, states[k], torque[k], given[k], form, mode,
+            wheels, body, spread, soils, starts, env, forces,
+        )  # fmt: skip
+        logged[k] = forces
+    return states, logged
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """A simulated motion; k samples, n wheels.
+
+    Attributes
+    ----------
+    t : ndarray, shape (k,)
+        Time, s.
+    v : ndarray, shape (k,)
+        Speed, m/s, forward positive.
+    x : ndarray, shape (k,)
+        Distance along the path, m.
+    omega : ndarray, shape (k, n)
+        Wheel speeds, rad/s, forward positive.
+    slip : ndarray, shape (k, n)
+        Slip, -1 to 1; see `traction_model.slip.slip`.
+    sinkage : ndarray, shape (k, n)
+        m, downward positive.
+    load : ndarray, shape (k, n)
+        Load on the wheel after load transfer, N.
+    thrust : ndarray, shape (k, n)
+        F, N, forward positive.
+    resistance : ndarray, shape (k, n)
+        R, N, positive against forward motion.
+    moment : ndarray, shape (k, n)
+        M, N*m, the soil's resistance to the wheel's rotation.
+    """
+
+    t: NDArray[np.float64]
+    v: NDArray[np.float64]
+    x: NDArray[np.float64]
+    omega: NDArray[np.float64]
+    slip: NDArray[np.float64]
+    sinkage: NDArray[np.float64]
+    load: NDArray[np.float64]
+    thrust: NDArray[np.float64]
+    resistance: NDArray[np.float64]
+    moment: NDArray[np.float64]
+
+
+class Plant:
+    """A vehicle on terrain, advanced step by step.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        What drives.
+    terrain : Terrain or Soil
+        What it drives on.
+    form : Form
+        Form of the contact model.
+    sinkage : {'dynamic', 'equilibrium'}
+        Sinkage as a state, or from vertical equilibrium at every instant.
+    drawbar : Drawbar
+        Draft of the implement, N.
+    grade : float
+        Slope of the path, rad, uphill positive, within +-pi/4.
+    torque_time_constant : float
+        First-order lag between commanded and shaft torque, s, at least 0.
+    step_size : float
+        Longest integration step, s, above 0.
+
+    Raises
+    ------
+    ValueError
+        Naming the parameter that is out of range.
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        terrain: Terrain | Soil,
+        *,
+        form: Form = Form.CONTACT,
+        sinkage: Literal['dynamic', 'equilibrium'] = 'dynamic',
+        drawbar: Drawbar = Drawbar(),
+        grade: float = 0.0,
+        torque_time_constant: float = 0.0,
+        step_size: float = 1e-3,
+    ) -> None:
+        if sinkage not in ('dynamic', 'equilibrium'):
+            raise ValueError(f"sinkage must be 'dynamic' or 'equilibrium', got {sinkage!r}")
+        if not (math.isfinite(torque_time_constant) and torque_time_constant >= 0):
+            raise ValueError(
+                f'torque_time_constant must be at least 0 s, got {torque_time_constant}'
+            )
+        if not 0 < step_size <= 0.01:
+            raise ValueError(f'step_size must be above 0 and at most 0.01 s, got {step_size}')
+        self.vehicle = vehicle
+        self.torque_time_constant = torque_time_constant
+        self.step_size = step_size
+        self._radii = np.array([wheel.radius for wheel in vehicle.wheels])
+        self._model = _model(vehicle, terrain, form, sinkage, drawbar, grade)
+        self.t = 0.0
+        self.state = initial_state(vehicle, terrain, form)
+        self.shaft_torque = np.zeros(self.n_wheels)
+        self.forces = np.zeros((self.n_wheels, 6))
+        self.forces[:, 0] = vehicle.static_loads()
+
+    @property
+    def n_wheels(self) -> int:
+        """Number of wheels, dimensionless."""
+        return len(self._radii)
+
+    @property
+    def v(self) -> float:
+        """Speed, m/s, forward positive."""
+        return float(self.state[SPEED])
+
+    @property
+    def x(self) -> float:
+        """Distance along the path, m."""
+        return float(self.state[DISTANCE])
+
+    @property
+    def omega(self) -> NDArray[np.float64]:
+        """Wheel speeds, rad/s, forward positive, shape (n,)."""
+        return np.asarray(self.state[FIRST_WHEEL : FIRST_WHEEL + self.n_wheels])
+
+    @property
+    def rim_speed(self) -> NDArray[np.float64]:
+        """r*omega of every wheel, m/s, forward positive, shape (n,)."""
+        return np.asarray(self._radii * self.omega)
+
+    @property
+    def slip(self) -> list[float]:
+        """Slip of every wheel, -1 to 1, n entries."""
+        return [slip(self.v, float(rim)) for rim in self.rim_speed]
+
+    def step(self, torque: ArrayLike, duration: float) -> None:
+        """Advance by a duration under constant commanded torque.
+
+        Parameters
+        ----------
+        torque : array_like, shape (n,)
+            Commanded torque, N*m, forward positive.
+        duration : float
+            s, above 0.
+
+        Raises
+        ------
+        ValueError
+            If a torque is not finite, or their number is not the number of wheels.
+        """
+        command = np.asarray(torque, dtype=float)
+        if command.shape != (self.n_wheels,) or not np.all(np.isfinite(command)):
+            raise ValueError(f'torque must be {self.n_wheels} finite numbers, got {torque}')
+        steps = max(1, math.ceil(duration / self.step_size - 1e-9))
+        dt = duration / steps
+        keep = math.exp(-dt / self.torque_time_constant) if self.torque_time_constant else 0.0
+        none = np.zeros(self.n_wheels)
+        form, mode, *model = self._model
+        for _ in range(steps):
+            before = self.shaft_torque if keep else command
+            self.shaft_torque = command + (before - command) * keep
+            self.state = rk4(
+                self.t, dt, self.state, before, self.shaft_torque, none, none,
+                form, mode, *model, self.forces,
+            )  # fmt: skip
+            self.t += dt
+
+
+def initial_state(
+    vehicle: Vehicle, terrain: Terrain | Soil, form: Form = Form.CONTACT
+) -> NDArray[np.float64]:
+    """Return the state of a vehicle at rest at the start of its path.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        What stands there.
+    terrain : Terrain or Soil
+        What it stands on.
+    form : Form
+        Form of the contact model.
+
+    Returns
+    -------
+    ndarray, shape (2 + 3n,)
+        State as `derivative` takes it, SI units.
+    """
+    terrain = _terrain(terrain)
+    n = len(vehicle.wheels)
+    state = np.zeros(FIRST_WHEEL + 3 * n)
+    for j, wheel in enumerate(vehicle.packed_wheels()):
+        soil = terrain.packed[soil_row(wheel[POSITION], terrain.starts)]
+        state[FIRST_WHEEL + n + j] = equilibrium_sinkage(
+            int(form), 0.0, 0.0, wheel[STATIC_LOAD], soil, wheel[RADIUS], wheel[WIDTH]
+        )
+    return state
+
+
+def simulate(
+    vehicle: Vehicle,
+    terrain: Terrain | Soil,
+    torque: ArrayLike,
+    dt: float,
+    *,
+    form: Form = Form.CONTACT,
+    sinkage: Literal['dynamic', 'equilibrium'] | ArrayLike = 'dynamic',
+    drawbar: Drawbar = Drawbar(),
+    grade: float = 0.0,
+    t0: float = 0.0,
+    v0: float = 0.0,
+    omega0: ArrayLike | None = None,
+) -> Trajectory:
+    """Simulate a vehicle under recorded torque.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        What drives.
+    terrain : Terrain or Soil
+        What it drives on.
+    torque : array_like, shape (k, n)
+        Torque on every wheel at every sample, N*m; linear in between.
+    dt : float
+        Time between samples and step of integration, s, above 0 and at most 0.02.
+    form : Form
+        Form of the contact model.
+    sinkage : {'dynamic', 'equilibrium'} or array_like, shape (k, n)
+        Sinkage as a state, from vertical equilibrium, or given, m (from equilibrium where
+        it is not positive).
+    drawbar : Drawbar
+        Draft, N.
+    grade : float
+        Slope of the path, rad, uphill positive, within +-pi/4.
+    t0 : float
+        Time of the first sample, s.
+    v0 : float
+        Speed at `t0`, m/s.
+    omega0 : array_like, shape (n,), optional
+        Wheel speeds at `t0`, rad/s; rolling without slip when not given.
+
+    Returns
+    -------
+    Trajectory
+        The motion, SI units, one row a sample.
+
+    Raises
+    ------
+    ValueError
+        If an argument has the wrong shape or is out of range; the text names it.
+    """
+    n = len(vehicle.wheels)
+    torque = _series('torque', torque, n)
+    if not 0 < dt <= 0.02:
+        raise ValueError(f'dt must be above 0 and at most 0.02 s, got {dt}')
+    if isinstance(sinkage, str):
+        mode, given = sinkage, np.zeros_like(torque)
+    else:
+        mode, given = 'given', _series('sinkage', sinkage, n)
+        if len(given) != len(torque):
+            raise ValueError(f'sinkage has {len(given)} samples, torque has {len(torque)}')
+    model = _model(vehicle, terrain, form, mode, drawbar, grade)
+
+    radii = np.array([wheel.radius for wheel in vehicle.wheels])
+    start = initial_state(vehicle, terrain, form)
+    start[SPEED] = v0
+    start[FIRST_WHEEL : FIRST_WHEEL + n] = v0 / radii if omega0 is None else omega0
+    if not np.all(np.isfinite(start)):
+        raise ValueError(f'v0 and omega0 must be finite, got {v0} m/s and {omega0} rad/s')
+    states, forces = _integrate(t0, dt, start, torque, given, *model)
+
+    v = states[:, SPEED]
+    omega = states[:, FIRST_WHEEL : FIRST_WHEEL + n]
+    slips = [[slip(v[k], radii[j] * omega[k, j]) for j in range(n)] for k in range(len(v))]
+    return Trajectory(
+        t=t0 + dt * np.arange(len(v)),
+        v=v,
+        x=states[:, DISTANCE],
+        omega=omega,
+        slip=np.array(slips),
+        sinkage=forces[:, :, 4],
+        load=forces[:, :, 0],
+        thrust=forces[:, :, 1],
+        resistance=forces[:, :, 2],
+        moment=forces[:, :, 3],
+    )
+
+
+def _terrain(terrain: Terrain | Soil) -> Terrain:
+    return Terrain(terrain) if isinstance(terrain, Soil) else terrain
+
+
+def _model(
+    vehicle: Vehicle,
+    terrain: Terrain | Soil,
+    form: Form,
+    sinkage: str,
+    drawbar: Drawbar,
+    grade: float,
+) -> tuple[int, int, *tuple[NDArray[np.float64], ...]]:
+    """Pack everything that stays constant over a run, in the order `derivative` takes it."""
+    if sinkage not in SINKAGE_MODES:
+        raise ValueError(f"sinkage must be 'dynamic', 'equilibrium' or samples, got {sinkage!r}")
+    if not abs(grade) <= math.pi / 4:
+        raise ValueError(f'grade must be within +-pi/4 rad, got {grade}')
+    terrain = _terrain(terrain)
+    body = np.array(
+        [
+            vehicle.mass,
+            *vehicle.centre_of_gravity,
+            vehicle.hitch_height,
+            AIR_DENSITY / 2 * vehicle.drag_area,
+        ]
+    )
+    environment = np.array([drawbar.pull, drawbar.pull_per_speed, drawbar.ramp, grade])
+    return (
+        int(form),
+        SINKAGE_MODES[sinkage],
+        vehicle.packed_wheels(),
+        body,
+        np.ascontiguousarray(vehicle.load_distribution()),
+        terrain.packed,
+        terrain.starts,
+        environment,
+    )
+
+
+def _series(name: str, values: ArrayLike, n: int) -> NDArray[np.float64]:
+    """Check samples of n wheels."""
+    series = np.asarray(values, dtype=float)
+    if series.ndim != 2 or series.shape[1] != n or len(series) < 2:
+        raise ValueError(f'{name} must have shape (samples, {n}), got {series.shape}')
+    if not np.all(np.isfinite(series)):
+        row, column = np.argwhere(~np.isfinite(series))[0]
+        raise ValueError(f'{name} of wheel {column} is not finite at sample {row}')
+    return np.ascontiguousarray(series)

@@ -1,0 +1,61 @@
+"""Slip: its definition, and the speed below which it means nothing."""
+
+from traction_model.kernel import kernel
+
+LEAST_SPEED = 0.3
+"""Speed below which slip is not valid, m/s, of the wheel rim or the vehicle."""
+
+
+@kernel
+def slip(v, rim_speed):
+    """Slip of a wheel, equation (16) of Agriculture 2024, 14(3), 499.
+
+    ``1 - v/(r*omega)`` when driving, ``r*omega/v - 1`` when braking; in reverse as when
+    going forward, so that positive slip always goes with thrust along the motion. Zero at
+    standstill.
+
+    Parameters
+    ----------
+    v : float
+        Speed of the wheel's centre over ground, m/s, forward positive.
+    rim_speed : float
+        r*omega, m/s, forward positive.
+
+    Returns
+    -------
+    float
+        Slip, -1 (locked, or turning against the motion) to 1 (spinning at standstill, or
+        turning against a backward motion).
+    """
+    fastest = max(abs(v), abs(rim_speed))
+    if fastest == 0.0:
+        return 0.0
+    direction = 1.0
+    if abs(v) > abs(rim_speed):
+        if v < 0.0:
+            direction = -1.0
+    elif rim_speed < 0.0:
+        direction = -1.0
+    value = direction * (rim_speed - v) / fastest
+    return min(1.0, max(-1.0, value))
+
+
+@kernel
+def is_valid(v, rim_speed, least_speed):
+    """Tell whether slip means anything at these speeds.
+
+    Parameters
+    ----------
+    v : float
+        Speed over ground, m/s.
+    rim_speed : float
+        r*omega, m/s.
+    least_speed : float
+        Speed that one of them must reach, m/s, at least 0.
+
+    Returns
+    -------
+    bool
+        True when slip is defined well enough to act on.
+    """
+    return max(abs(v), abs(rim_speed)) >= least_speed
