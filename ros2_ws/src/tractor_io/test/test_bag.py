@@ -130,9 +130,7 @@ def test_types_of_others_come_with_the_bag(tmp_path):
     store = get_typestore(Stores.ROS2_JAZZY)
     store.register(get_types_from_msg('float64 percent', name))
     message = store.types[name](percent=22.0)
-    with RosbagsWriter(
-        tmp_path / 'bag', version=9, storage_plugin=StoragePlugin.MCAP
-    ) as bag:
+    with RosbagsWriter(tmp_path / 'bag', version=9, storage_plugin=StoragePlugin.MCAP) as bag:
         connection = bag.add_connection('/moisture', name, typestore=store)
         bag.write(connection, 0, store.serialize_cdr(message, name))
     with BagReader(tmp_path / 'bag') as bag:

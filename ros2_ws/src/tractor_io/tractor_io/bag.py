@@ -6,6 +6,7 @@ the MCAP file (metadata.yaml, message definitions, QoS profiles) is added here.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -210,7 +211,7 @@ class BagReader:
     @property
     def duration(self) -> float:
         """Time from the first to the last message, s."""
-        return (self.end - self.start) * 1e-9
+        return (self.end - self.start) / 1e9
 
     def messages(
         self, topics: Sequence[str] = (), start_offset: float = 0.0, raw: bool = False
@@ -464,9 +465,7 @@ class BagWriter:
             'type_description_hash': digest,
         }
 
-    def write(
-        self, topic: str, time: int, message: Any, publish_time: int | None = None
-    ) -> None:
+    def write(self, topic: str, time: int, message: Any, publish_time: int | None = None) -> None:
         """Append a message.
 
         Parameters
@@ -532,10 +531,8 @@ class BagWriter:
 
     def abort(self) -> None:
         """Let go of the file as it is, without index and metadata.yaml."""
-        try:
+        with suppress(OSError):  # closing flushes: on a full disk it fails once more
             self._file.close()
-        except OSError:  # closing flushes: on a full disk it fails again, with nothing to add
-            pass
 
     def _metadata(self) -> dict[str, Any]:
         first = self._first or 0

@@ -1,0 +1,346 @@
+"""Torque gate: the last check of every wheel torque before the hardware.
+
+Good commands pass, cut to what each wheel may get and to how fast it may change. Bad ones do
+not: the last good command holds until `timeout`, then all torques go to the safe torque within
+`release_time`. Times are those of a steady clock, which the caller reads.
+"""
+
+import enum
+import math
+from collections.abc import Sequence
+
+REACTION_TIME = 0.2
+"""Longest time from the last good command to the safe torque, s."""
+
+WATCHDOG_PERIOD = 0.01
+"""Period at which `TorqueGate.step` is to be called, s."""
+
+
+class State(enum.Enum):
+    """What the gate does."""
+
+    WAITING = 'waiting'
+    """At the safe torque: no good command yet."""
+    PASSING = 'passing'
+    """Commands pass, limited where need be."""
+    HOLDING = 'holding'
+    """The newest commands are bad: the last good one holds."""
+    RELEASING = 'releasing'
+    """No good command for too long: on the way to the safe torque."""
+    SAFE = 'safe'
+    """No good command for too long: at the safe torque."""
+
+
+class Limit(enum.Enum):
+    """Why a wheel does not get the torque it was commanded."""
+
+    NONE = 'not limited'
+    HIGH = 'above the most'
+    LOW = 'below the least'
+    RATE = 'too fast a change'
+
+
+class BadCommandError(ValueError):
+    """A message that does not give one finite torque to every wheel."""
+
+
+class TorqueGate:
+    """Checks and limits wheel torques.
+
+    Parameters
+    ----------
+    wheel_names : sequence of str
+        The wheels, n of them; the order of all torques here.
+    min_torque, max_torque : sequence of float
+        Least and most torque of every wheel, N·m, forward positive, n entries.
+    max_rate : sequence of float
+        Fastest change of every wheel's torque, N·m/s, above 0, n entries.
+    timeout : float
+        The last good command holds this long, s, above 0.
+    release_time : float
+        Then torques go linearly to the safe torque in this time, s, at least 0. It is a
+        time and not a rate, so that the safe torque is reached in time from any torque.
+        ``timeout + release_time + WATCHDOG_PERIOD`` must not exceed `REACTION_TIME`.
+    safe_torque : float
+        N·m, within the limits of every wheel.
+
+    Attributes
+    ----------
+    state : State
+        What the gate does.
+    output : list of float
+        Torques to put out, N·m, n entries; changed in place.
+    limits : list of Limit
+        Why each wheel's last good command was cut, n entries.
+    rejected : dict of str to int
+        Commands rejected since the start, by cause.
+    limited : dict of str to int
+        Commands cut in magnitude and in rate since the start.
+    timeouts : int
+        How often commands stopped since the start.
+
+    Raises
+    ------
+    ValueError
+        Naming what is inconsistent.
+    """
+
+    def __init__(
+        self,
+        wheel_names: Sequence[str],
+        min_torque: Sequence[float],
+        max_torque: Sequence[float],
+        max_rate: Sequence[float],
+        timeout: float,
+        release_time: float,
+        safe_torque: float = 0.0,
+    ):
+        n = len(wheel_names)
+        if n == 0 or len(set(wheel_names)) != n:
+            raise ValueError(f'wheel_names {list(wheel_names)} must be given, each once')
+        for name, values in (
+            ('min_torque', min_torque),
+            ('max_torque', max_torque),
+            ('max_rate', max_rate),
+        ):
+            if len(values) != n:
+                raise ValueError(f'{name} has {len(values)} entries for {n} wheels')
+        for wheel, low, high, rate in zip(
+            wheel_names, min_torque, max_torque, max_rate, strict=True
+        ):
+            # Written so that a NaN fails too.
+            if not low <= safe_torque <= high:
+                raise ValueError(
+                    f'{wheel}: safe_torque {safe_torque} N·m is not within {low} .. {high} N·m'
+                )
+            if not rate > 0.0:
+                raise ValueError(f'{wheel}: max_rate {rate} N·m/s is not above 0')
+        reaction = timeout + release_time + WATCHDOG_PERIOD
+        # Decimal fractions of a second add up with rounding errors.
+        if not (timeout > 0.0 and release_time >= 0.0 and reaction <= REACTION_TIME + 1e-9):
+            raise ValueError(
+                f'timeout {timeout} s + release_time {release_time} s + watchdog '
+                f'{WATCHDOG_PERIOD} s must be at most {REACTION_TIME} s'
+            )
+        self._wheels = tuple(wheel_names)
+        self._min = [float(x) for x in min_torque]
+        self._max = [float(x) for x in max_torque]
+        self._rate = [float(x) for x in max_rate]
+        self._timeout = timeout
+        self._release_time = release_time
+        self._safe = safe_torque
+
+        self.state = State.WAITING
+        self.output = [safe_torque] * n
+        self.limits = [Limit.NONE] * n
+        self.rejected = dict.fromkeys(('names', 'length', 'not_finite', 'stamp'), 0)
+        self.limited = {'magnitude': 0, 'rate': 0}
+        self.timeouts = 0
+
+        self._asked = [safe_torque] * n
+        self._held = [safe_torque] * n
+        self._last_good = -math.inf
+        self._last_stamp = 0.0
+        self._rejection = ''
+        self._measured = [safe_torque] * n
+        self._last_measured = -math.inf
+        # Names of the newest message of either kind, and where each wheel is in them.
+        self._command_names: list[str] = []
+        self._command_order: tuple[int, ...] = ()
+        self._measured_names: list[str] = []
+        self._measured_order: tuple[int, ...] = ()
+
+    def command(
+        self, t: float, stamp: float, names: Sequence[str], efforts: Sequence[float]
+    ) -> bool:
+        """Take a command.
+
+        After a pause the torques start again from where the shaft torque is, as far as it
+        lies between the gate's last output and the command: a torque sensor cannot make
+        the gate put out what nobody asked for.
+
+        Parameters
+        ----------
+        t : float
+            When it arrived, s.
+        stamp : float
+            Its stamp, s, 0 for none; must not run backwards while commands come.
+        names : sequence of str
+            Every wheel once, in any order.
+        efforts : sequence of float
+            Torques, N·m, one per name.
+
+        Returns
+        -------
+        bool
+            True when accepted, with the torques to put out now in `output`; False when
+            rejected, with the cause in `reason`.
+        """
+        self.step(t)
+        restart = self.state in (State.WAITING, State.RELEASING, State.SAFE)
+        try:
+            self._check_command(stamp, names, efforts, restart)
+        except BadCommandError as error:
+            self._rejection = str(error)
+            if not restart:
+                self.state = State.HOLDING
+            return False
+        order = self._command_order
+        measured = t - self._last_measured <= self._timeout
+        dt = 0.0 if restart else t - self._last_good
+        cut_magnitude = cut_rate = False
+        for j, index in enumerate(order):
+            asked = efforts[index]
+            goal = asked
+            limit = Limit.NONE
+            if asked > self._max[j]:
+                goal, limit, cut_magnitude = self._max[j], Limit.HIGH, True
+            elif asked < self._min[j]:
+                goal, limit, cut_magnitude = self._min[j], Limit.LOW, True
+            start = self.output[j]
+            if restart and measured:
+                low, high = (start, goal) if start < goal else (goal, start)
+                start = min(max(self._measured[j], low), high)
+            step = self._rate[j] * dt
+            if goal > start + step:
+                goal, limit, cut_rate = start + step, Limit.RATE, True
+            elif goal < start - step:
+                goal, limit, cut_rate = start - step, Limit.RATE, True
+            self._asked[j] = asked
+            self.output[j] = goal
+            self.limits[j] = limit
+        self.limited['magnitude'] += cut_magnitude
+        self.limited['rate'] += cut_rate
+        self._last_good = t
+        self._last_stamp = stamp
+        self._rejection = ''
+        self.state = State.PASSING
+        return True
+
+    def measured(self, t: float, names: Sequence[str], efforts: Sequence[float]) -> bool:
+        """Take measured shaft torques, from which commands start after a pause.
+
+        Parameters
+        ----------
+        t : float
+            When they arrived, s.
+        names : sequence of str
+            Joints, among them every wheel once, in any order.
+        efforts : sequence of float
+            Torques, N·m, one per name.
+
+        Returns
+        -------
+        bool
+            False when they were not usable and thus ignored.
+        """
+        try:
+            if names != self._measured_names:
+                self._measured_order = self._order(names)
+                self._measured_names = list(names)
+            self._check_efforts(self._measured_order, names, efforts)
+        except BadCommandError:
+            return False
+        for j, index in enumerate(self._measured_order):
+            self._measured[j] = efforts[index]
+        self._last_measured = t
+        return True
+
+    def step(self, t: float) -> bool:
+        """Watch over time; to be called every `WATCHDOG_PERIOD`.
+
+        Parameters
+        ----------
+        t : float
+            Now, s.
+
+        Returns
+        -------
+        bool
+            True when commands have stopped (or never came), so that `output` has to be
+            put out now for lack of a command that would cause it.
+        """
+        if self.state in (State.PASSING, State.HOLDING) and t - self._last_good > self._timeout:
+            self.state = State.RELEASING
+            self.timeouts += 1
+            self._held[:] = self.output
+        if self.state is State.RELEASING:
+            # Counted from the time-out itself, so that a late call ends no later.
+            since = t - self._last_good - self._timeout
+            if since >= self._release_time:
+                self.release()
+            else:
+                left = 1.0 - since / self._release_time
+                for j, held in enumerate(self._held):
+                    self.output[j] = self._safe + left * (held - self._safe)
+        return self.state not in (State.PASSING, State.HOLDING)
+
+    def release(self) -> None:
+        """Go to the safe torque at once, as on deactivation."""
+        self.state = State.WAITING if self._last_good == -math.inf else State.SAFE
+        for j in range(len(self.output)):
+            self.output[j] = self._safe
+
+    @property
+    def reason(self) -> str:
+        """Why `output` is what it is, naming wheel and value."""
+        if self.state is State.PASSING:
+            cuts = [self._cut(j) for j, limit in enumerate(self.limits) if limit is not Limit.NONE]
+            return 'limited: ' + '; '.join(cuts) if cuts else 'passing commands'
+        cause = f': {self._rejection}' if self._rejection else ''
+        if self.state is State.HOLDING:
+            return f'holding the last good command{cause}'
+        if self.state is State.WAITING:
+            return f'at {self._safe:g} N·m, no good command yet{cause}'
+        where = 'at' if self.state is State.SAFE else 'going to'
+        return f'{where} {self._safe:g} N·m, no good command for {self._timeout:g} s{cause}'
+
+    def _cut(self, j: int) -> str:
+        asked, given = self._asked[j], self.output[j]
+        text = f'{self._wheels[j]} {asked:.1f} N·m to {given:.1f} N·m'
+        if self.limits[j] is Limit.RATE:
+            return f'{text} at {self._rate[j]:g} N·m/s'
+        return f'{text}, {"most" if self.limits[j] is Limit.HIGH else "least"} allowed'
+
+    def _check_command(
+        self, stamp: float, names: Sequence[str], efforts: Sequence[float], restart: bool
+    ) -> None:
+        cause = 'names'
+        try:
+            if names != self._command_names:
+                order = self._order(names)
+                if len(names) != len(self._wheels):
+                    extra = next(name for name in names if name not in self._wheels)
+                    raise BadCommandError(f"unknown wheel '{extra}'")
+                self._command_order, self._command_names = order, list(names)
+            cause = 'length' if len(efforts) != len(names) else 'not_finite'
+            self._check_efforts(self._command_order, names, efforts)
+            cause = 'stamp'
+            # After a pause any stamp will do: the clock may have been set back.
+            if not restart and 0.0 < stamp < self._last_stamp:
+                raise BadCommandError(
+                    f'stamp {stamp:.3f} s is {self._last_stamp - stamp:.3f} s older than the last'
+                )
+        except BadCommandError:
+            self.rejected[cause] += 1
+            raise
+
+    def _order(self, names: Sequence[str]) -> tuple[int, ...]:
+        """Where each wheel is among the names."""
+        place = {name: index for index, name in enumerate(names)}
+        if len(place) != len(names):
+            twice = next(name for index, name in enumerate(names) if place[name] != index)
+            raise BadCommandError(f"wheel '{twice}' is given twice")
+        for wheel in self._wheels:
+            if wheel not in place:
+                raise BadCommandError(f"wheel '{wheel}' is missing")
+        return tuple(place[wheel] for wheel in self._wheels)
+
+    def _check_efforts(
+        self, order: Sequence[int], names: Sequence[str], efforts: Sequence[float]
+    ) -> None:
+        if len(efforts) != len(names):
+            raise BadCommandError(f'{len(efforts)} torques for {len(names)} wheels')
+        for j, index in enumerate(order):
+            if not math.isfinite(efforts[index]):
+                raise BadCommandError(f'{self._wheels[j]}: torque is {efforts[index]}')

@@ -1,0 +1,112 @@
+"""The bags in bags/: complete, small, and what tools/make_bags.py makes of their CSV."""
+
+import importlib.util
+import lzma
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from traction_model.vehicle import load_vehicle
+from tractor_io.bag import BagReader
+
+ROOT = Path(__file__).resolve().parents[1]
+BAGS = ROOT / 'bags'
+NAMES = sorted(path.parent.name for path in BAGS.glob('*/metadata.yaml'))
+
+
+def load_make_bags():
+    spec = importlib.util.spec_from_file_location('make_bags', ROOT / 'tools' / 'make_bags.py')
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+make_bags = load_make_bags()
+
+
+def stacked(messages, value):
+    return np.array([value(m.message) for m in messages])
+
+
+def test_there_is_one_bag_per_run():
+    assert sorted(make_bags.RUNS) == NAMES
+    assert len({run.seed for run in make_bags.RUNS.values()}) == len(NAMES)
+
+
+def test_bags_are_small():
+    assert sum(path.stat().st_size for path in BAGS.rglob('*') if path.is_file()) < 15e6
+
+
+def test_same_csv_gives_same_bytes(tmp_path):
+    name = 'wheel_low_slip'
+    source = BAGS / name / f'{name}.csv.xz'
+    made = [tmp_path / 'first' / name, tmp_path / 'second' / name]
+    for folder in made:
+        make_bags.make_bag(name, source, folder)
+    for file in (f'{name}.mcap', 'metadata.yaml'):
+        assert (made[0] / file).read_bytes() == (made[1] / file).read_bytes()
+    # Against the bag in the repository by content: its bytes depend on the version of zstd.
+    with BagReader(made[0]) as new, BagReader(BAGS / name) as old:
+        assert list(new.messages(raw=True)) == list(old.messages(raw=True))
+
+
+@pytest.mark.parametrize('name', NAMES)
+def test_bag_holds_its_run(name):
+    with lzma.open(BAGS / name / f'{name}.csv.xz', 'rt') as file:
+        samples = sum(1 for _ in file) - 1
+    with BagReader(BAGS / name) as bag:
+        vehicle = load_vehicle(bag.custom_data['vehicle'])
+        messages = {topic: list(bag.messages([topic])) for topic in bag.topics}
+        duration = bag.duration
+    # 200 Hz samples; 100, 50 and 10 Hz messages, the first at the first sample.
+    assert duration == pytest.approx((samples - 1) * 0.005)
+    assert {topic: len(found) for topic, found in messages.items()} == {
+        '/wheel_states': (samples - 1) // 2 + 1,
+        '/wheel_torque': (samples - 1) // 2 + 1,
+        '/ground_truth/slip_estimate': (samples - 1) // 2 + 1,
+        '/ground_truth/odometry': (samples - 1) // 4 + 1,
+        '/ground_truth/terrain_estimate': (samples - 1) // 20 + 1,
+        '/radar': (samples - 1) // 20 + 1,
+    }
+    for found in messages.values():
+        for m in found:
+            stamp = m.message.header.stamp
+            assert stamp.sec * 10**9 + stamp.nanosec == m.time
+    truth = messages['/ground_truth/slip_estimate']
+    wheel_states = messages['/wheel_states']
+    assert wheel_states[0].message.name == list(vehicle.wheel_names)
+
+    # Slip against its definition, written out here for driving, where it is valid.
+    rim = stacked(wheel_states, lambda m: m.velocity) * [w.radius for w in vehicle.wheels]
+    v = stacked(truth, lambda m: m.ground_based_speed)[:, np.newaxis]
+    valid = stacked(truth, lambda m: m.valid)
+    slip = stacked(truth, lambda m: m.slip)
+    np.testing.assert_array_equal(valid, np.maximum(abs(v), abs(rim)) >= 0.3)
+    driving = valid & (rim >= v) & (v > 0)
+    assert driving.mean() > 0.5
+    np.testing.assert_allclose(slip[driving], (1 - v / np.where(rim == 0, 1, rim))[driving])
+    assert np.all(abs(slip) <= 1)
+
+    # Radar noise: the sample standard deviation of n normal values is off by about
+    # sigma / sqrt(2 n), n = 101 or more: 7 %; four times that is 28 %.
+    error = (
+        stacked(messages['/radar'], lambda m: m.twist.twist.linear.x)
+        - stacked(truth, lambda m: m.ground_based_speed)[::10]
+    )
+    assert error.std() == pytest.approx(0.05, rel=0.28)
+    assert abs(error.mean()) < 4 * 0.05 / np.sqrt(len(error))
+
+
+@pytest.mark.parametrize('name', NAMES)
+def test_forces_balance(name):
+    """m*dv/dt = sum of thrust - drawbar pull, from message to message over the whole run."""
+    with BagReader(BAGS / name) as bag:
+        vehicle = load_vehicle(bag.custom_data['vehicle'])
+        terrain = [m.message for m in bag.messages(['/ground_truth/terrain_estimate'])]
+        truth = [m.message for m in bag.messages(['/ground_truth/slip_estimate'])]
+    force = np.array([m.thrust.sum() - m.motion_resistance for m in terrain[1:]])
+    impulse = np.cumsum(force) * 0.1
+    gained = np.array([m.ground_based_speed for m in truth[10::10]]) * vehicle.mass
+    error = abs(impulse - gained).max() / vehicle.mass
+    assert error < 0.05
