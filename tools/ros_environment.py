@@ -16,6 +16,8 @@ import sys
 from pathlib import Path
 
 RECORD = 'ros_environment.json'
+# Colcon's script that tells a shell which variables to change; it must see them unchanged.
+COLCON_SCRIPT = '_local_setup_util_sh.py'
 # Written by the shell itself, or about the process rather than about ROS.
 NOT_RECORDED = {'_', 'PWD', 'OLDPWD', 'SHLVL'}
 
@@ -124,6 +126,8 @@ def record(prefix, environment, clean):
 
 def enter():
     """Complete the environment of this interpreter, starting it once more where necessary."""
+    if sys.orig_argv[1:] and Path(sys.orig_argv[1]).name == COLCON_SCRIPT:
+        return
     try:
         recorded = json.loads(Path(sys.prefix, RECORD).read_text(encoding='utf-8'))
     except FileNotFoundError:

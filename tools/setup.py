@@ -145,18 +145,25 @@ class Setup:
         self.step(2, 'Python packages', installed, lambda: self.install(requirements))
         ready = digest(installed, tools / 'relocate.py')
         self.step(3, 'ROS 2 paths', ready, self.relocate)
-        sources = {name: digest(ready, path) for name, path in packages.items()}
-        built = digest(json.dumps(sources, sort_keys=True))
-        self.step(4, 'ROS 2 workspace', built, lambda: self.build(sources))
+        sources = {name: digest(ready, packages[name]) for name in sorted(packages)}
+        broken = None
+        try:
+            self.step(4, 'ROS 2 workspace', digest(str(sources)), lambda: self.build(sources))
+        except SetupError as error:
+            # The packages that were built stay usable while someone mends the others.
+            broken = error
+        built = digest(str(sorted(self.stamps.get('packages', {}).items())))
         self.step(
             5,
             'environment',
             digest(built, tools / 'ros_environment.py', tools / 'setup.py'),
             self.record_environment,
         )
-        warm = [
-            name for name, path in sorted(packages.items()) if (path / name / 'warm.py').exists()
-        ]
+        if broken:
+            raise broken
+        warm = sorted(
+            name for name, path in packages.items() if (path / name / 'warm.py').exists()
+        )
         self.step(6, 'compiled kernels', digest(built, *warm), lambda: self.warm(warm))
         if not self.did_something:
             print('setup: up to date')

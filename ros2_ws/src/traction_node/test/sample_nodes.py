@@ -1,0 +1,87 @@
+"""Nodes for test_process.py, run as `python sample_nodes.py CLASS --ros-args ...`."""
+
+import sys
+
+from std_msgs.msg import Float64
+
+from traction_node import diagnostic
+from traction_node.node import TractionLifecycleNode, TractionNode
+from traction_node.parameter import Parameter
+from traction_node.run import run
+
+
+class Sample(TractionLifecycleNode):
+    """Publishes `slip_target` at 50 Hz while active, and 0 as its last word."""
+
+    NAME = 'sample'
+    PARAMETERS = (
+        Parameter('slip', 0.2, 'slip to publish', minimum=0.0, maximum=1.0),
+        Parameter('slip_max', 0.5, 'largest slip', minimum=0.0, maximum=1.0),
+        Parameter('mode', 'limit', 'what to do', choices=('limit', 'hold')),
+        Parameter('wheel_names', ['left', 'right'], 'wheels', read_only=True),
+        Parameter('radius', [0.5, 0.5], 'rolling radii', unit='m', minimum=0.1, maximum=2.0),
+        Parameter('fail_in', '', 'hook that shall fail'),
+    )
+
+    def check_parameters(self, p):
+        if p.slip > p.slip_max:
+            raise ValueError(f'slip = {p.slip:g} exceeds slip_max = {p.slip_max:g}')
+
+    def parameters_changed(self, p):
+        self.get_logger().info(f'slip is now {p.slip:g}')
+
+    def configure(self):
+        if self.p.fail_in == 'configure':
+            raise OSError('no such calibration')
+        if self.p.fail_in == 'configure with a defect':
+            raise RuntimeError('a defect')
+        self.target = self.publisher('slip_target')
+        self.subscription('radar', self.on_radar)
+
+    def activate(self):
+        if self.p.fail_in == 'activate':
+            raise ValueError('no radar')
+        self.steady_timer(0.02, lambda: self.target.publish(Float64(data=self.p.slip)))
+
+    def deactivate(self):
+        self.target.publish(Float64(data=0.0))
+
+    def cleanup(self):
+        print('cleaned up', flush=True)
+
+    def on_radar(self, message):
+        speed = message.twist.twist.linear.x
+        if speed < 0.0:
+            raise RuntimeError('a defect in a callback')
+        self.set_diagnostic(diagnostic.WARN, 'radar heard', speed=speed)
+
+
+class Ticker(TractionNode):
+    """Counts ticks of ROS time and ends after a number of them."""
+
+    NAME = 'ticker'
+    PARAMETERS = (
+        Parameter('ticks', 3, 'ticks to count', minimum=1),
+        Parameter('complaint', '', 'reason to end with'),
+    )
+
+    def start(self):
+        if self.p.ticks == 13:
+            raise ValueError('13 brings bad luck')
+        self.count = 0
+        self.create_timer(0.1, self.tick)
+        print('started', flush=True)
+
+    def tick(self):
+        self.count += 1
+        print(f'tick {self.count} at {self.get_clock().now().nanoseconds / 1e9:.1f}', flush=True)
+        if self.count == self.p.ticks:
+            self.finish(self.p.complaint)
+
+    def stop(self):
+        print('stopped', flush=True)
+
+
+if __name__ == '__main__':
+    name = sys.argv.pop(1)
+    sys.exit(run({'Sample': Sample, 'Ticker': Ticker}[name]))

@@ -1,0 +1,51 @@
+"""Choice of the executor: the fast one where it works, the safe one otherwise."""
+
+import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+
+from traction_node import run
+from traction_node.node import TractionNode
+
+
+class Idle(TractionNode):
+    NAME = 'idle'
+
+
+class NeverFires(SingleThreadedExecutor):
+    """Comes back without having run a callback."""
+
+    def spin_until_future_complete(self, future, timeout_sec=None):
+        pass
+
+
+class Raises(SingleThreadedExecutor):
+    """Gives up as the bindings do."""
+
+    def spin_until_future_complete(self, future, timeout_sec=None):
+        raise RuntimeError('no events')
+
+
+@pytest.fixture
+def node():
+    rclpy.init(args=[])
+    node = Idle()
+    yield node
+    node.destroy_node()
+    rclpy.shutdown()
+
+
+def test_working_executor_is_taken(node, monkeypatch):
+    class Works(SingleThreadedExecutor):
+        pass
+
+    monkeypatch.setattr(run, 'EventsExecutor', Works)
+    assert type(run.executor_for(node)) is Works
+
+
+@pytest.mark.parametrize('broken', [NeverFires, Raises, None])
+def test_broken_or_absent_executor_is_replaced(node, monkeypatch, broken):
+    monkeypatch.setattr(run, 'EventsExecutor', broken)
+    executor = run.executor_for(node)
+    assert type(executor) is SingleThreadedExecutor
+    assert run.self_test(executor, node)

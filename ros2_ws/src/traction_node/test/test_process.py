@@ -1,0 +1,253 @@
+"""Nodes as real processes: start, parameters, lifecycle, diagnostics, end."""
+
+import signal
+import sys
+from pathlib import Path
+
+import pytest
+from geometry_msgs.msg import TwistWithCovarianceStamped
+from lifecycle_msgs.srv import ChangeState
+from rclpy.qos import QoSProfile
+from rosgraph_msgs.msg import Clock
+
+from traction_node import diagnostic
+from traction_node.stamp import to_stamp
+from traction_node.testing import NodeProcess, Probe, executable
+
+SAMPLE_NODES = Path(__file__).with_name('sample_nodes.py')
+
+
+def sample(**ros):
+    return NodeProcess(sys.executable, str(SAMPLE_NODES), 'Sample', **ros)
+
+
+def ticker(**ros):
+    return NodeProcess(sys.executable, str(SAMPLE_NODES), 'Ticker', **ros)
+
+
+@pytest.fixture
+def probe():
+    with Probe() as probe:
+        yield probe
+
+
+@pytest.mark.parametrize('end', [NodeProcess.interrupt, NodeProcess.terminate])
+def test_signal_ends_an_active_node_cleanly(probe, end):
+    targets = probe.subscribe('slip_target')
+    with sample(params={'autostart': True}) as node:
+        probe.wait_for(lambda: targets, 15.0, 'slip_target')
+        assert targets[0].data == 0.2
+        assert end(node) == 0
+        # Deactivated on the way out, while the topic still carried its last word.
+        probe.wait_for(lambda: targets[-1].data == 0.0, 5.0, 'last slip_target')
+        assert node.output.count('cleaned up') == 1
+        assert 'Traceback' not in node.output
+
+
+def test_signal_ends_an_unconfigured_node_cleanly(probe):
+    with sample() as node:
+        assert probe.state('sample') == 'unconfigured'
+        assert node.interrupt() == 0
+        assert node.output == ''
+
+
+@pytest.mark.parametrize(
+    ('params', 'reason'),
+    [
+        ({'slp': 0.1}, 'there is no parameter "slp"; did you mean "slip"?'),
+        ({'slip': 'a'}, 'parameter "slip" = \'a\' should be a number'),
+        ({'slip': 1.5}, 'parameter "slip" = 1.5 is out of range: 0 .. 1'),
+        ({'slip': 0.6}, 'slip = 0.6 exceeds slip_max = 0.5'),
+        ({'mode': 'hodl'}, 'parameter "mode" = \'hodl\' is not one of limit, hold'),
+        (
+            {'radius': [0.5, 3.0]},
+            'parameter "radius" = [0.5, 3.0] m is out of range: 0.1 .. 2 m',
+        ),
+    ],
+)
+def test_bad_parameter_ends_the_start_with_one_line(params, reason):
+    with sample(params=params) as node:
+        assert node.wait() == 2
+        assert node.output == f'sample: {reason}\n'
+
+
+def test_parameter_file_is_checked_like_the_command_line(tmp_path):
+    path = tmp_path / 'sample.yaml'
+    path.write_text('sample:\n  ros__parameters:\n    slip: 2\n')
+    with sample(params_file=path) as node:
+        assert node.wait() == 2
+        assert node.output == 'sample: parameter "slip" = 2 is out of range: 0 .. 1\n'
+    with sample(params_file=tmp_path / 'absent.yaml') as node:
+        assert node.wait() == 2
+        last_line = node.output.splitlines()[-1]  # rcl itself has logged one before
+        assert last_line.startswith('sample: ')
+        assert 'absent.yaml' in last_line
+        assert last_line.endswith('Error opening YAML file')
+
+
+def test_unknown_argument_is_refused():
+    with NodeProcess(sys.executable, str(SAMPLE_NODES), 'Sample', '--slip=0.1') as node:
+        assert node.wait() == 2
+        assert node.output.startswith('sample: unknown argument "--slip=0.1"')
+
+
+def test_lifecycle_by_service_calls(probe):
+    targets = probe.subscribe('slip_target')
+    with sample() as node:
+        assert probe.state('sample') == 'unconfigured'
+        assert probe.change_state('sample', 'configure')
+        assert probe.state('sample') == 'inactive'
+        assert probe.change_state('sample', 'activate')
+        probe.wait_for(lambda: targets, 5.0, 'slip_target while active')
+        assert probe.change_state('sample', 'deactivate')
+        probe.wait_for(lambda: targets[-1].data == 0.0, 5.0, 'last slip_target')
+        count = len(targets)
+        probe.run_for(0.2)  # ten periods of the timer
+        assert len(targets) == count
+        assert probe.change_state('sample', 'activate')
+        probe.wait_for(lambda: len(targets) > count, 5.0, 'slip_target after reactivation')
+        assert probe.change_state('sample', 'deactivate')
+        assert probe.change_state('sample', 'cleanup')
+        assert probe.state('sample') == 'unconfigured'
+        probe.wait_for(
+            lambda: not probe.node.count_publishers('slip_target'), 5.0, 'end of the publisher'
+        )
+        assert probe.change_state('sample', 'configure')
+        assert probe.change_state('sample', 'shutdown')
+        assert probe.state('sample') == 'finalized'
+        assert node.output.count('cleaned up') == 2
+        assert node.interrupt() == 0
+
+
+def test_impossible_transition_is_refused_and_the_node_lives_on(probe):
+    with sample() as node:
+        assert not probe.change_state('sample', 'activate')
+        request = ChangeState.Request()
+        request.transition.id = 3  # activate, by number
+        assert not probe.call(ChangeState, 'sample/change_state', request).success
+        assert 'refused: not possible when unconfigured' in node.output
+        assert probe.change_state('sample', 'configure')
+
+
+@pytest.mark.parametrize(
+    ('fail_in', 'states', 'message'),
+    [
+        ('configure', 'unconfigured', 'configure refused: no such calibration'),
+        (
+            'configure with a defect',
+            'unconfigured',
+            "configure failed: RuntimeError('a defect')",
+        ),
+        ('activate', 'inactive', 'activate refused: no radar'),
+    ],
+)
+def test_refused_start_shows_its_reason_and_can_be_mended(probe, fail_in, states, message):
+    probe.diagnostics('sample')
+    with sample(params={'autostart': True, 'fail_in': fail_in}) as node:
+        status = probe.wait_for_diagnostic('sample', message)
+        assert status.level == bytes([diagnostic.ERROR])
+        assert probe.state('sample') == states
+        assert message in node.output or 'RuntimeError: a defect' in node.output
+        assert probe.set_parameter('sample', 'fail_in', '') == ''
+        if states == 'unconfigured':
+            assert probe.change_state('sample', 'configure')
+        assert probe.change_state('sample', 'activate')
+        probe.wait_for_diagnostic('sample', 'active')
+
+
+def test_diagnostics_come_once_a_second_and_at_once_when_new(probe):
+    probe.diagnostics('field/sample')
+    with sample(namespace='field', params={'autostart': True}), Probe('field') as field:
+        probe.wait_for_diagnostic('field/sample', 'active')
+        seen = len(probe.diagnostics('field/sample'))
+        # At 1 Hz, 3.5 s hold three or four reports.
+        probe.run_for(3.5)
+        assert 3 <= len(probe.diagnostics('field/sample')) - seen <= 4
+
+        radar = TwistWithCovarianceStamped()
+        radar.twist.twist.linear.x = 2.5
+        field.publisher('radar').publish(radar)
+        status = probe.wait_for_diagnostic('field/sample', 'radar heard', timeout=0.5)
+        assert status.level == bytes([diagnostic.WARN])
+        values = {pair.key: pair.value for pair in status.values}
+        assert values == {'state': 'active', 'speed': '2.5'}
+
+
+def test_parameters_at_run_time(probe):
+    with sample() as node:
+        assert probe.set_parameter('sample', 'slip', 0.4) == ''
+        node.wait_for_output('slip is now 0.4')
+        assert probe.set_parameter('sample', 'slip', 0) == ''  # an integer will do
+        node.wait_for_output('slip is now 0\n')
+        reason = probe.set_parameter('sample', 'slip', 1.5)
+        assert reason == 'parameter "slip" = 1.5 is out of range: 0 .. 1'
+        reason = probe.set_parameter('sample', 'slip_max', -0.5)
+        assert reason == 'parameter "slip_max" = -0.5 is out of range: 0 .. 1'
+        assert probe.set_parameter('sample', 'slip', 0.5) == ''
+        reason = probe.set_parameter('sample', 'slip_max', 0.1)
+        assert reason == 'slip = 0.5 exceeds slip_max = 0.1'
+        reason = probe.set_parameter('sample', 'slip', 'fast')
+        assert reason == 'parameter "slip" = \'fast\' should be a number'
+        reason = probe.set_parameter('sample', 'wheel_names', ['a'])
+        assert reason == 'parameter "wheel_names" cannot change while the node runs'
+        assert 'slp' in probe.set_parameter('sample', 'slp', 0.1)
+        assert node.interrupt() == 0
+
+
+def test_defect_in_a_callback_ends_the_node_with_its_traceback(probe):
+    targets = probe.subscribe('slip_target')
+    with sample(params={'autostart': True}) as node:
+        probe.wait_for(lambda: targets, 15.0, 'slip_target')
+        radar = TwistWithCovarianceStamped()
+        radar.twist.twist.linear.x = -1.0
+        probe.publisher('radar').publish(radar)
+        assert node.wait() == 1
+        assert 'RuntimeError: a defect in a callback' in node.output
+        # Even so, its last word was the safe one.
+        probe.wait_for(lambda: targets[-1].data == 0.0, 5.0, 'last slip_target')
+
+
+def test_kill_leaves_nothing_that_hinders_a_restart(probe):
+    for _ in range(2):
+        targets = probe.subscribe('slip_target')
+        with sample(params={'autostart': True}) as node:
+            probe.wait_for(lambda: targets, 15.0, 'slip_target')
+            assert node.kill() == -signal.SIGKILL
+
+
+def test_plain_node_ends_by_itself():
+    with ticker(params={'ticks': 2}) as node:
+        assert node.wait() == 0
+        assert node.output.split('\n')[0] == 'started'
+        assert node.output.count('tick') == 2
+        assert node.output.endswith('stopped\n')
+    with ticker(params={'ticks': 1, 'complaint': 'the bag ends early'}) as node:
+        assert node.wait() == 1
+        assert node.output.endswith('stopped\nticker: the bag ends early\n')
+
+
+def test_plain_node_that_refuses_to_start():
+    with ticker(params={'ticks': 13}) as node:
+        assert node.wait() == 2
+        assert node.output == 'ticker: 13 brings bad luck\n'
+
+
+def test_timers_of_ros_time_follow_the_simulated_clock(probe):
+    with ticker(params={'ticks': 3, 'use_sim_time': True}) as node:
+        node.wait_for_output('started')
+        publisher = probe.node.create_publisher(Clock, '/clock', QoSProfile(depth=1))
+        probe.wait_for(publisher.get_subscription_count, 15.0, 'subscriber of /clock')
+        probe.run_for(0.3)
+        assert 'tick' not in node.output
+        clock = Clock()
+        # From 0, which stands for "no time yet", the first message is already a period later.
+        for step in range(1, 4):
+            to_stamp(clock.clock, 100.0 + 0.1 * step)
+            publisher.publish(clock)
+            node.wait_for_output(f'tick {step} at {100.0 + 0.1 * step:.1f}')
+        assert node.wait() == 0
+
+
+def test_executable_that_is_not_there_is_named():
+    with pytest.raises(FileNotFoundError, match='traction_node has no executable drive'):
+        executable('traction_node', 'drive')
