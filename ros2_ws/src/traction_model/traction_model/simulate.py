@@ -336,6 +336,9 @@ class Plant:
         Slope of the path, rad, uphill positive, within +-pi/4.
     torque_time_constant : float
         First-order lag between commanded and shaft torque, s, at least 0.
+    max_power : float
+        Power of the engine, W, above 0: where the wheels ask for more, all their torques are
+        reduced alike.
     step_size : float
         Longest integration step, s, above 0.
 
@@ -355,6 +358,7 @@ class Plant:
         drawbar: Drawbar = Drawbar(),
         grade: float = 0.0,
         torque_time_constant: float = 0.0,
+        max_power: float = math.inf,
         step_size: float = 1e-3,
     ) -> None:
         if sinkage not in ('dynamic', 'equilibrium'):
@@ -363,10 +367,13 @@ class Plant:
             raise ValueError(
                 f'torque_time_constant must be at least 0 s, got {torque_time_constant}'
             )
+        if not max_power > 0:
+            raise ValueError(f'max_power must be above 0 W, got {max_power}')
         if not 0 < step_size <= 0.01:
             raise ValueError(f'step_size must be above 0 and at most 0.01 s, got {step_size}')
         self.vehicle = vehicle
         self.torque_time_constant = torque_time_constant
+        self.max_power = max_power
         self.step_size = step_size
         self._radii = np.array([wheel.radius for wheel in vehicle.wheels])
         self._model = _model(vehicle, terrain, form, sinkage, drawbar, grade)
@@ -430,8 +437,10 @@ class Plant:
         none = np.zeros(self.n_wheels)
         form, mode, *model = self._model
         for _ in range(steps):
-            before = self.shaft_torque if keep else command
-            self.shaft_torque = command + (before - command) * keep
+            power = float(np.maximum(command * self.omega, 0.0).sum())
+            allowed = command * min(1.0, self.max_power / power) if power else command
+            before = self.shaft_torque if keep else allowed
+            self.shaft_torque = allowed + (before - allowed) * keep
             self.state = rk4(
                 self.t, dt, self.state, before, self.shaft_torque, none, none,
                 form, mode, *model, self.forces,
