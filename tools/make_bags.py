@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from traction_model.slip import LEAST_SPEED, is_valid, slip
 from traction_model.vehicle import Vehicle, load_vehicle
-from tractor_io.bag import BagError, BagWriter, Qos, typestore
+from traction_node.topics import topic
+from tractor_io.bag import QOS, BagError, BagWriter, typestore
 
 BAGS = Path(__file__).resolve().parents[1] / 'bags'
 
@@ -36,23 +37,14 @@ RAMP = 2.0
 
 SOURCE = 'Project Chrono 8.0.0, SCM deformable terrain, simulated by this project'
 
-JOINT_STATE = 'sensor_msgs/msg/JointState'
-TWIST = 'geometry_msgs/msg/TwistWithCovarianceStamped'
-SLIP_ESTIMATE = 'traction_interfaces/msg/SlipEstimate'
-TERRAIN_ESTIMATE = 'traction_interfaces/msg/TerrainEstimate'
-ODOMETRY = 'nav_msgs/msg/Odometry'
-SENSOR_DATA = Qos(reliable=False, depth=5)
-COMMAND = Qos(depth=1)
-RELIABLE = Qos(depth=10)
-
-TOPICS = {
-    '/wheel_states': (JOINT_STATE, SENSOR_DATA),
-    '/radar': (TWIST, SENSOR_DATA),
-    '/wheel_torque': (JOINT_STATE, COMMAND),
-    '/ground_truth/slip_estimate': (SLIP_ESTIMATE, SENSOR_DATA),
-    '/ground_truth/terrain_estimate': (TERRAIN_ESTIMATE, RELIABLE),
-    '/ground_truth/odometry': (ODOMETRY, RELIABLE),
-}
+TOPICS = (
+    'wheel_states',
+    'radar',
+    'wheel_torque',
+    'ground_truth/slip_estimate',
+    'ground_truth/terrain_estimate',
+    'ground_truth/odometry',
+)
 
 
 @dataclass(frozen=True)
@@ -159,14 +151,16 @@ class Messages:
         twist = types['geometry_msgs/msg/TwistWithCovariance'](
             twist=self._twist(self._radar_speed[k]), covariance=covariance
         )
-        return types[TWIST](header=self._header(k, 'radar'), twist=twist)
+        return types['geometry_msgs/msg/TwistWithCovarianceStamped'](
+            header=self._header(k, 'radar'), twist=twist
+        )
 
     def slip_estimate(self, k: int):
         """True slip and speeds."""
         s = self._s
         v, rims = s.v[k], s.rim_speed[k]
         n = len(s.names)
-        kind = self._types[SLIP_ESTIMATE]
+        kind = self._types['traction_interfaces/msg/SlipEstimate']
         return kind(
             header=self._header(k, 'base_link'),
             wheel_names=s.names,
@@ -192,7 +186,7 @@ class Messages:
         s = self._s
         n = len(s.names)
         since = slice(max(0, k - TERRAIN_STEP + 1), k + 1)
-        return self._types[TERRAIN_ESTIMATE](
+        return self._types['traction_interfaces/msg/TerrainEstimate'](
             header=self._header(k, 'base_link'),
             wheel_names=s.names,
             max_shear_stress=np.zeros(n),
@@ -216,7 +210,7 @@ class Messages:
                 x=0.0, y=np.sin(half), z=0.0, w=np.cos(half)
             ),
         )
-        return types[ODOMETRY](
+        return types['nav_msgs/msg/Odometry'](
             header=self._header(k, 'odom'),
             child_frame_id='base_link',
             pose=types['geometry_msgs/msg/PoseWithCovariance'](pose=pose, covariance=np.zeros(36)),
@@ -231,7 +225,7 @@ class Messages:
         return self._types['std_msgs/msg/Header'](stamp=stamp, frame_id=frame)
 
     def _joint_state(self, k: int, velocity: NDArray[np.float64], effort: NDArray[np.float64]):
-        return self._types[JOINT_STATE](
+        return self._types['sensor_msgs/msg/JointState'](
             header=self._header(k, 'base_link'),
             name=self._s.names,
             position=np.zeros(0),
@@ -288,8 +282,9 @@ def make_bag(name: str, csv_path: Path, folder: Path) -> None:
     messages = Messages(samples, run.seed)
     about = {'vehicle': run.vehicle, 'soil': run.soil, 'source': f'{SOURCE}: run {name}'}
     with BagWriter(folder, about) as bag:
-        for topic, (message_type, qos) in TOPICS.items():
-            bag.add_topic(topic, message_type, qos)
+        for name in TOPICS:
+            row = topic(name)
+            bag.add_topic(f'/{name}', row.type, QOS[row.qos])
         for k in range(0, len(samples.time), FAST_STEP):
             time = messages.stamp(k)
             bag.write('/wheel_states', time, messages.wheel_states(k))

@@ -5,7 +5,7 @@ whose chunk size can be chosen and whose chunks carry a checksum; what rosbag2 w
 the MCAP file (metadata.yaml, message definitions, QoS profiles) is added here.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
@@ -24,6 +24,7 @@ from rosbags.interfaces import (
     QosDurability,
     QosReliability,
 )
+from rosbags.interfaces.typing import Typesdict
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
@@ -42,7 +43,7 @@ MCAP_MAGIC = b'\x89MCAP0\r\n'
 INFINITE = {'sec': 9223372036, 'nsec': 854775807}
 
 
-class BagError(Exception):
+class BagError(ValueError):
     """A bag cannot be read or written; the text says which, where and why."""
 
 
@@ -65,7 +66,17 @@ class Qos:
     depth: int = 10
 
 
-class Topic(NamedTuple):
+QOS = {
+    'sensor_data': Qos(reliable=False, depth=5),
+    'command': Qos(depth=1),
+    'latched': Qos(latched=True, depth=1),
+    'reliable': Qos(depth=10),
+}
+"""Quality of service by its name in the suite's table of topics."""
+
+
+@dataclass(frozen=True)
+class Topic:
     """A topic of a bag.
 
     Attributes
@@ -251,16 +262,37 @@ class BagReader:
         except Exception as error:
             raise self._damage(error) from error
 
-    def _connections(self, topics: Sequence[str]) -> list[Connection]:
+    def find(self, topics: Iterable[str]) -> set[str]:
+        """Look up topics.
+
+        Parameters
+        ----------
+        topics : iterable of str
+            Names; the leading slash may be left out.
+
+        Returns
+        -------
+        set of str
+            Their names in this bag.
+
+        Raises
+        ------
+        BagError
+            Naming those that are missing and those that are there.
+        """
         wanted = {f'/{topic.lstrip("/")}' for topic in topics}
-        missing = sorted(wanted - {f'/{topic.lstrip("/")}' for topic in self.topics})
+        missing = sorted(wanted - set(self.topics))
         if missing:
             there = ', '.join(self.topics) or 'none'
             raise BagError(f'{self.path}: no topic {", ".join(missing)}; it holds: {there}')
+        return wanted
+
+    def _connections(self, topics: Sequence[str]) -> list[Connection]:
+        wanted = self.find(topics)
         return [
             connection
             for connection in self._reader.connections
-            if not wanted or f'/{connection.topic.lstrip("/")}' in wanted
+            if not wanted or connection.topic in wanted
         ]
 
     def _typestore(self) -> Typestore:
@@ -271,7 +303,7 @@ class BagReader:
                 MessageDefinitionFormat.MSG: get_types_from_msg,
                 MessageDefinitionFormat.IDL: lambda text, _: get_types_from_idl(text),
             }
-            own = {}
+            own: Typesdict = {}
             for connection in self._reader.connections:
                 definition = connection.msgdef
                 if connection.msgtype not in self._store.fielddefs and definition.format in parse:
@@ -283,7 +315,9 @@ class BagReader:
                 self._store.register({k: v for k, v in own.items() if k not in known})
         return self._store
 
-    def _decode(self, decode: Callable[..., Any], connection: Connection, time: int, data: bytes):
+    def _decode(
+        self, decode: Callable[..., Any], connection: Connection, time: int, data: bytes
+    ) -> Any:
         try:
             return decode(data, connection.msgtype)
         except Exception as error:
@@ -465,7 +499,7 @@ class BagWriter:
             'type_description_hash': digest,
         }
 
-    def write(self, topic: str, time: int, message: Any, publish_time: int | None = None) -> None:
+    def write(self, topic: str, time: int, message: Any) -> None:
         """Append a message.
 
         Parameters
@@ -476,8 +510,6 @@ class BagWriter:
             Log time, ns, at least 0.
         message : object or bytes
             A message of `typestore`'s class, or CDR bytes.
-        publish_time : int, optional
-            When it was published, ns; the log time when left out.
 
         Raises
         ------
@@ -497,11 +529,8 @@ class BagWriter:
                 raise BagError(
                     f'{self.path}: message for {topic} at {time} ns does not fit its type: {error}'
                 ) from error
-        published = time if publish_time is None else publish_time
         try:
-            self._writer.add_message(
-                self._channels[topic], time, data, published, self.counts[topic]
-            )
+            self._writer.add_message(self._channels[topic], time, data, time, self.counts[topic])
         except OSError as error:
             raise self._failure(error) from error
         self.counts[topic] += 1

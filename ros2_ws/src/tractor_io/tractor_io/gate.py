@@ -282,6 +282,13 @@ class TorqueGate:
             self.output[j] = self._safe
 
     @property
+    def limiting(self) -> bool:
+        """True if the last command was passed with at least one torque cut."""
+        return self.state is State.PASSING and any(
+            limit is not Limit.NONE for limit in self.limits
+        )
+
+    @property
     def reason(self) -> str:
         """Why `output` is what it is, naming wheel and value."""
         if self.state is State.PASSING:

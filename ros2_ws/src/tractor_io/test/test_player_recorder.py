@@ -1,0 +1,180 @@
+"""Player and recorder as processes: what is played is recorded, message for message."""
+
+import itertools
+import resource
+import subprocess
+import time
+from collections import defaultdict
+from pathlib import Path
+
+import pytest
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+
+from traction_node.testing import NodeProcess, Probe, executable
+from tractor_io.bag import BagReader
+
+BAGS = Path(__file__).resolve().parents[4] / 'bags'
+DRAWBAR = BAGS / 'wheel_drawbar'
+PLAYER = executable('tractor_io', 'bag_player')
+RECORDER = executable('tractor_io', 'bag_recorder')
+
+
+def by_topic(path):
+    found = defaultdict(list)
+    with BagReader(path) as bag:
+        for m in bag.messages(raw=True):
+            if m.topic != '/diagnostics':
+                # The wire protocol pads messages to four bytes.
+                found[m.topic].append(m.message + bytes(-len(m.message) % 4))
+    return dict(found)
+
+
+def recorded_count(probe):
+    statuses = probe.diagnostics('bag_recorder')
+    values = {v.key: v.value for v in statuses[-1].values} if statuses else {}
+    return sum(int(n) for key, n in values.items() if key[0] == '/' and key != '/diagnostics')
+
+
+def test_recorded_is_played_message_for_message(tmp_path):
+    """At 20 times real time, through reliable and best-effort topics of a namespace."""
+    output = tmp_path / 'copy'
+    played = by_topic(DRAWBAR)
+    with (
+        Probe(namespace='/one') as probe,
+        NodeProcess(
+            RECORDER, params={'output': output, 'topics': list(played)}, namespace='one'
+        ) as recorder,
+    ):
+        probe.wait_for(
+            lambda: probe.diagnostics('one/bag_recorder'), 15.0, 'sign of life of the recorder'
+        )
+        parameters = {'bag': DRAWBAR, 'rate': 20.0, 'wait_for_subscribers': 15.0}
+        with NodeProcess(PLAYER, params=parameters, namespace='one') as player:
+            assert player.wait(30.0) == 0
+        total = sum(map(len, played.values()))
+
+        def complete():
+            status = probe.diagnostics('one/bag_recorder')[-1]
+            return {v.key: v.value for v in status.values}['messages'] == str(total)
+
+        probe.wait_for(complete, 10.0, f'{total} messages recorded')
+        assert recorder.interrupt() == 0
+    assert by_topic(output) == {f'/one{topic}': found for topic, found in played.items()}
+
+
+def test_player_keeps_time_and_publishes_the_clock():
+    """0.5 s of bag at half the rate take 1 s, and /clock goes through the same 0.5 s."""
+    parameters = {
+        'bag': DRAWBAR,
+        'rate': 0.5,
+        'start_offset': 14.5,
+        'clock': True,
+        'topics': ['wheel_states'],
+        'wait_for_subscribers': 15.0,
+    }
+    with Probe() as probe:
+        arrivals, clock = [], []
+        received = probe.subscribe('wheel_states', lambda _: arrivals.append(time.monotonic()))
+        probe.node.create_subscription(Clock, '/clock', clock.append, 100)
+        with NodeProcess(PLAYER, params=parameters) as player:
+            probe.wait_for(lambda: not player.running, 30.0, 'end of the player')
+            assert player.wait() == 0
+    assert len(received) == 51
+    # Bags start at 1 s: 15.5 s to 16 s.
+    stamps = [m.header.stamp.sec + m.header.stamp.nanosec * 1e-9 for m in received]
+    assert stamps == pytest.approx([15.5 + 0.01 * i for i in range(51)])
+    assert arrivals[-1] - arrivals[0] == pytest.approx(1.0, abs=0.15)
+    times = [c.clock.sec + c.clock.nanosec * 1e-9 for c in clock]
+    assert times == sorted(times)
+    assert times[-1] == pytest.approx(16.0)
+
+
+def test_player_loops_until_told_to_end():
+    parameters = {'bag': DRAWBAR, 'loop': True, 'start_offset': 14.9, 'topics': ['wheel_states']}
+    with Probe() as probe, NodeProcess(PLAYER, params=parameters) as player:
+        received = probe.subscribe('wheel_states')
+        probe.wait_for(lambda: len(received) > 30, 15.0, 'third pass')  # 11 messages a pass
+        assert player.terminate() == 0
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'text'),
+    [
+        ({}, 'parameter "bag" must name a bag'),
+        ({'bag': '/nowhere'}, '/nowhere: no such file or folder'),
+        ({'bag': DRAWBAR, 'topics': ['sonar']}, 'no topic /sonar; it holds: /ground_truth/'),
+        ({'bag': DRAWBAR, 'start_offset': 60.0}, 'is beyond the end'),
+        ({'bag': DRAWBAR, 'rate': 0.0}, 'parameter "rate" = 0.0 is out of range'),
+    ],
+)
+def test_player_refuses_bad_input_in_one_line(parameters, text):
+    with NodeProcess(PLAYER, params=parameters) as player:
+        assert player.wait() == 2
+    (line,) = player.output.splitlines()
+    assert line.startswith('bag_player: ')
+    assert text in line
+
+
+def test_recorder_refuses_bad_input_in_one_line(tmp_path):
+    (tmp_path / 'there').mkdir()
+    for parameters, text in (
+        ({'output': tmp_path / 'there'}, 'there: exists already, not overwritten'),
+        ({'output': tmp_path / 'new', 'topics': ['sonar']}, 'the suite has no topic sonar'),
+    ):
+        with NodeProcess(RECORDER, params=parameters) as recorder:
+            assert recorder.wait() == 2
+        (line,) = recorder.output.splitlines()
+        assert text in line
+    assert not (tmp_path / 'new').exists()
+
+
+@pytest.mark.parametrize('reliability', list(ReliabilityPolicy)[1:3])
+def test_recorder_takes_what_publishers_offer(tmp_path, reliability):
+    """A best-effort publisher of a topic, and a reliable one."""
+    output = tmp_path / 'bag'
+    with (
+        Probe() as probe,
+        NodeProcess(RECORDER, params={'output': output, 'topics': ['/radar', 'wheel_torque']}),
+    ):
+        publisher = probe.node.create_publisher(
+            JointState, 'wheel_torque', QoSProfile(depth=10, reliability=reliability)
+        )
+        numbers = itertools.count()
+        probe.node.create_timer(
+            0.01, lambda: publisher.publish(JointState(effort=[float(next(numbers))]))
+        )
+        probe.wait_for(lambda: recorded_count(probe) >= 20, 15.0, '20 messages recorded')
+    with BagReader(output) as bag:
+        assert list(bag.topics) == ['/wheel_torque']
+        assert bag.topics['/wheel_torque'].qos.reliable == (
+            reliability == ReliabilityPolicy.RELIABLE
+        )
+        recorded = [m.message.effort[0] for m in bag.messages()]
+    # From where the two found each other on, none is missing.
+    assert recorded == [recorded[0] + i for i in range(len(recorded))]
+
+
+def test_recorder_says_that_the_disk_is_full(tmp_path):
+    """A limit on file size stands for the full disk: the write fails in the same way."""
+    command = [
+        str(RECORDER),
+        '--ros-args',
+        *('-p', f'output:={tmp_path / "bag"}', '-p', 'topics:=[wheel_torque]'),
+    ]
+    process = subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000)),
+    )
+    with Probe() as probe, process:
+        publisher = probe.publisher('wheel_torque')
+        message = JointState(name=[f'wheel {i}' for i in range(2000)])
+        probe.node.create_timer(0.01, lambda: publisher.publish(message))
+        probe.wait_for(lambda: process.poll() is not None, 30.0, 'end of the recorder')
+        output = process.stdout.read()
+    assert process.returncode == 1
+    assert 'bag: cannot write: File too large; the bag ends without index' in output

@@ -1,0 +1,141 @@
+"""Bag recorder node: writes the suite's topics into an MCAP bag."""
+
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
+
+from traction_node.diagnostic import OK
+from traction_node.node import TractionNode
+from traction_node.parameter import Parameter
+from traction_node.run import run
+from traction_node.topics import message_class, topic, topics
+from tractor_io.bag import QOS, BagError, BagWriter, Qos
+
+ALL = 'all'
+
+DEPTH = 1000
+"""Messages kept per topic while the disk is slow."""
+
+
+class BagRecorderNode(TractionNode):
+    """Records until it is told to end."""
+
+    NAME = 'bag_recorder'
+    PARAMETERS = (
+        Parameter('output', '', 'folder of the bag to write; must not exist', read_only=True),
+        Parameter(
+            'topics',
+            [ALL],
+            f"topics to record, or '{ALL}' those of the suite",
+            read_only=True,
+        ),
+    )
+
+    def check_parameters(self, p):
+        """Refuse to go on without an output or with topics that the suite does not have."""
+        if not p.output:
+            raise ValueError('parameter "output" must name a folder')
+        for name in p.topics:
+            if name != ALL and _table_name(name) not in topics():
+                raise ValueError(
+                    f'parameter "topics": the suite has no topic {name}; '
+                    f'it has {", ".join(topics())}'
+                )
+
+    def start(self):
+        """Make the bag and subscribe."""
+        self._writer = BagWriter(self.p.output, {'source': 'recorded by bag_recorder'})
+        self._qos = {}
+        self._subscriptions_by_name = {}
+        names = topics() if ALL in self.p.topics else map(_table_name, self.p.topics)
+        for name in dict.fromkeys(names):
+            # Reliable as long as all publishers are: see _relax.
+            self._qos[name] = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.RELIABLE)
+            if topic(name).qos == 'latched':
+                self._qos[name].durability = DurabilityPolicy.TRANSIENT_LOCAL
+            self._subscribe(name)
+        self.steady_timer(1.0, self._tell)
+        self._tell()
+
+    def stop(self):
+        """Finish the bag."""
+        if self._writer is None:
+            return
+        try:
+            self._writer.close()
+        except BagError as error:
+            raise SystemExit(f'{self.NAME}: {error}') from error
+        self.get_logger().info(
+            f'{self.p.output}: {sum(self._writer.counts.values())} messages recorded'
+        )
+
+    def _subscribe(self, name):
+        row = topic(name)
+
+        def take(data):
+            self._write(name, subscription.topic_name, data)
+
+        subscription = self.create_subscription(
+            message_class(row.type),
+            name,
+            take,
+            self._qos[name],
+            raw=True,
+            event_callbacks=SubscriptionEventCallbacks(
+                incompatible_qos=lambda info: self._relax(name, info)
+            ),
+        )
+        self._subscriptions_by_name[name] = subscription
+
+    def _relax(self, name, info):
+        """Ask for less after a publisher was found that offers less than is asked for."""
+        qos = self._qos[name]
+        if info.last_policy_kind == QoSPolicyKind.RELIABILITY:
+            qos.reliability = ReliabilityPolicy.BEST_EFFORT
+        elif info.last_policy_kind == QoSPolicyKind.DURABILITY:
+            qos.durability = DurabilityPolicy.VOLATILE
+        else:
+            self.get_logger().warning(f'{name}: a publisher with other deadlines is not recorded')
+            return
+        self.destroy_subscription(self._subscriptions_by_name[name])
+        self._subscribe(name)
+
+    def _write(self, name, full_name, data):
+        writer = self._writer
+        if writer is None:
+            return
+        try:
+            if full_name not in writer.counts:
+                writer.add_topic(full_name, topic(name).type, self._recorded_qos(name))
+            writer.write(full_name, self.get_clock().now().nanoseconds, data)
+        except BagError as error:
+            writer.abort()
+            self._writer = None
+            self.finish(f'{error}; the bag ends without index')
+
+    def _recorded_qos(self, name):
+        qos = self._qos[name]
+        return Qos(
+            reliable=qos.reliability == ReliabilityPolicy.RELIABLE,
+            latched=qos.durability == DurabilityPolicy.TRANSIENT_LOCAL,
+            depth=QOS[topic(name).qos].depth,
+        )
+
+    def _tell(self):
+        if self._writer is not None:
+            counts = self._writer.counts
+            self.set_diagnostic(
+                OK,
+                f'recording to {self.p.output}',
+                messages=sum(counts.values()),
+                **counts,
+            )
+
+
+def _table_name(name):
+    """Name of a topic in the suite's table, whether or not given with a leading slash."""
+    return name if name in topics() else name.lstrip('/')
+
+
+def main():
+    """Entry point of the executable `bag_recorder`."""
+    return run(BagRecorderNode)
