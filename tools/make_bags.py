@@ -180,21 +180,20 @@ class Messages:
         Chrono gives the net force of the soil on a wheel, not thrust and soil resistance
         apart. So thrust is net of soil resistance here and motion_resistance is the drawbar
         pull alone: their sum still accelerates the vehicle. Shear stress and slip stiffness
-        are not known: they are 0, and valid, which vouches for all of a wheel's fields, is
-        false.
+        are not known, hence NaN; all else is exact, hence valid.
         """
         s = self._s
-        n = len(s.names)
+        unknown = np.full(len(s.names), np.nan)
         since = slice(max(0, k - TERRAIN_STEP + 1), k + 1)
         return self._types['traction_interfaces/msg/TerrainEstimate'](
             header=self._header(k, 'base_link'),
             wheel_names=s.names,
-            max_shear_stress=np.zeros(n),
-            max_shear_stress_variance=np.zeros(n),
+            max_shear_stress=unknown,
+            max_shear_stress_variance=unknown,
             thrust=s.force[since].mean(axis=0),
-            slip_stiffness=np.zeros(n),
+            slip_stiffness=unknown,
             sinkage=s.sinkage[k],
-            valid=np.zeros(n, dtype=bool),
+            valid=np.ones(len(s.names), dtype=bool),
             motion_resistance=float(s.drawbar[since].mean()),
             motion_resistance_variance=0.0,
         )
