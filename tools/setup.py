@@ -125,11 +125,11 @@ class Setup:
 
     def run(self):
         """Do every step whose ingredients changed."""
-        for compiler in ('c++', 'g++', 'clang++'):
-            if shutil.which(os.environ.get('CXX', compiler)):
-                break
-        else:
-            raise SetupError('no C++ compiler: install one (package g++ or build-essential)')
+        compilers = os.environ.get('CXX', '').split()[:1] or ['c++', 'g++', 'clang++']
+        if not any(map(shutil.which, compilers)):
+            raise SetupError(
+                f'no C++ compiler ({" or ".join(compilers)}): install the package g++'
+            )
         try:
             self.stamps = json.loads(self.stamps_file.read_text())
         except (FileNotFoundError, ValueError):

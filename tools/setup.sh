@@ -8,6 +8,10 @@ cd "$(dirname "$0")/.." || exit 1
 # Prints what is missing from the interpreter "$1"; nothing if it will do. The candidate is run,
 # not just looked up: version managers put commands on the PATH that only print an error.
 missing() {
+    if ! command -v "$1" >/dev/null; then
+        echo 'is not there'
+        return
+    fi
     "$1" -S -c '
 import sys
 version = "%d.%d" % sys.version_info[:2]

@@ -57,11 +57,10 @@ def test_refusal_names_parameter_value_range_and_unit(parameter, value, reason):
 def test_whatever_is_accepted_is_a_float_in_range(value):
     try:
         accepted = TORQUE.check(value)
-    except ParameterError as refusal:
-        assert 'torque_max' in str(refusal)
-    else:
-        assert type(accepted) is float
-        assert 0.0 <= accepted <= 5000.0
+    except ParameterError:
+        return
+    assert type(accepted) is float
+    assert 0.0 <= accepted <= 5000.0
 
 
 def test_default_must_keep_to_its_own_rules():

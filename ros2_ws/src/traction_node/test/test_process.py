@@ -208,8 +208,9 @@ def test_defect_in_a_callback_ends_the_node_with_its_traceback(probe):
 
 
 def test_kill_leaves_nothing_that_hinders_a_restart(probe):
+    targets = probe.subscribe('slip_target')
     for _ in range(2):
-        targets = probe.subscribe('slip_target')
+        targets.clear()
         with sample(params={'autostart': True}) as node:
             probe.wait_for(lambda: targets, 15.0, 'slip_target')
             assert node.kill() == -signal.SIGKILL

@@ -17,6 +17,7 @@ from rclpy import parameter as rclpy_parameter
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.exceptions import ParameterNotDeclaredException
+from rclpy.executors import Executor
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -412,11 +413,12 @@ class TractionLifecycleNode(_Suite, LifecycleNode):
         if result != TransitionCallbackReturn.SUCCESS:
             self._leave_active(state)
             return result
-        # Collecting garbage takes milliseconds in which no torque would be checked; the hot
-        # path makes no reference cycles.
+        # Collecting garbage takes milliseconds in which no torque would be checked. The executors
+        # written in Python leave garbage behind with every callback, the EventsExecutor none.
         gc.collect()
         gc.freeze()
-        gc.disable()
+        if not isinstance(self.executor, Executor):
+            gc.disable()
         return result
 
     def on_deactivate(self, state):
