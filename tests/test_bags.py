@@ -1,9 +1,9 @@
 """The bags in bags/: complete, small, and what tools/make_bags.py makes of their CSV."""
 
-import importlib.util
 import lzma
 from pathlib import Path
 
+import make_bags
 import numpy as np
 import pytest
 
@@ -13,16 +13,6 @@ from tractor_io.bag import BagReader
 ROOT = Path(__file__).resolve().parents[1]
 BAGS = ROOT / 'bags'
 NAMES = sorted(path.parent.name for path in BAGS.glob('*/metadata.yaml'))
-
-
-def load_make_bags():
-    spec = importlib.util.spec_from_file_location('make_bags', ROOT / 'tools' / 'make_bags.py')
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-make_bags = load_make_bags()
 
 
 def stacked(messages, value):
