@@ -180,7 +180,7 @@ class Setup:
         self.did_something = True
         self.line = f'setup [{number}/{self.STEPS}] {label}'
         self.started = time.monotonic()
-        self.show('')
+        print(self.line, end='', flush=True)
         try:
             action()
         except BaseException:
@@ -191,15 +191,15 @@ class Setup:
         self.stamps_file.write_text(json.dumps(self.stamps, indent=1))
 
     def show(self, note, end=''):
-        """Rewrite the line of the present step, with the seconds it has taken."""
+        """Tell how the present step goes, with the seconds it has taken.
+
+        A terminal's line is rewritten; a file gets the step once at its start and once at its end.
+        """
+        elapsed = f'{note} {time.monotonic() - self.started:.0f} s'
         if sys.stdout.isatty():
-            print(f'\r\x1b[K{self.line}', end='')
-        elif not note:
-            print(self.line, end='', flush=True)
-            return
-        elif not end:
-            return
-        print(f' ... {note} {time.monotonic() - self.started:.0f} s', end=end, flush=True)
+            print(f'\r\x1b[K{self.line} ... {elapsed}', end=end, flush=True)
+        elif end:
+            print(f' ... {elapsed}', end=end, flush=True)
 
     def command(self, what, command, environment, cwd=None):
         """Run a command, its output going to the log, and wait for it.
