@@ -407,6 +407,11 @@ class SlipEstimation:
         return np.asarray(self.max_shear_stress**2 * np.diag(self._p)[FIRST_WHEEL:])
 
     @property
+    def strength_known(self) -> NDArray[np.bool_]:
+        """Whether each wheel has slipped enough to tell its tau_max to 15 %, shape (n,)."""
+        return np.asarray(np.diag(self._p)[FIRST_WHEEL:] < CURVE_KNOWN**2)
+
+    @property
     def slip_stiffness(self) -> NDArray[np.float64]:
         """Slope of thrust over slip at the present slip of every wheel, N, shape (n,)."""
         slopes = [
@@ -495,7 +500,9 @@ class SlipEstimation:
             If a number is not finite, or the variance not above 0; nothing is taken in.
         """
         if not (math.isfinite(v) and math.isfinite(variance) and variance > 0):
-            raise ValueError(f'radar reading {v} m/s with variance {variance} m^2/s^2 is not usable')
+            raise ValueError(
+                f'radar reading {v} m/s with variance {variance} m^2/s^2 is not usable'
+            )
         # A reading from before the newest tachometer reading counts as of now: the delay of
         # a radar is short against the changes of speed of a tractor.
         now = t if self.t is None else max(t, self.t)
@@ -571,7 +578,9 @@ class SlipEstimation:
     def _checked(self, what: str, values: ArrayLike) -> NDArray[np.float64]:
         array = np.asarray(values, dtype=float)
         if array.shape != (self.n_wheels,):
-            raise ValueError(f'expected a {what} for each of {self.n_wheels} wheels, got {array.size}')
+            raise ValueError(
+                f'expected a {what} for each of {self.n_wheels} wheels, got {array.size}'
+            )
         for name, value in zip(self.vehicle.wheel_names, array, strict=True):
             if not math.isfinite(value):
                 raise ValueError(f"{what} of wheel '{name}' is {value}")

@@ -99,7 +99,9 @@ def build(model: type[Model], content: Any, where: str) -> Model:
         key = '.'.join(str(part) for part in fault['loc'])
         reason = fault['msg']
         if fault['type'] == 'extra_forbidden':
-            reason = 'unknown key' + closest(str(fault['loc'][-1]), _keys(model, fault['loc'][:-1]))
+            reason = 'unknown key' + closest(
+                str(fault['loc'][-1]), _keys(model, fault['loc'][:-1])
+            )
         elif fault['type'] == 'missing':
             reason = 'missing'
         else:

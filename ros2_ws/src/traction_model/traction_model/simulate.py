@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from traction_model.contact import LEAST_TRANSIT_SPEED, Form, contact, equilibrium_sinkage
 from traction_model.kernel import kernel
-from traction_model.slip import slip
+from traction_model.slip import LEAST_SPEED, is_valid, slip
 from traction_model.soil import Soil, Terrain
 from traction_model.vehicle import (
     AIR_DENSITY,
@@ -376,6 +376,7 @@ class Plant:
         self.max_power = max_power
         self.step_size = step_size
         self._radii = np.array([wheel.radius for wheel in vehicle.wheels])
+        self._terrain = _terrain(terrain)
         self._model = _model(vehicle, terrain, form, sinkage, drawbar, grade)
         self.t = 0.0
         self.state = initial_state(vehicle, terrain, form)
@@ -412,6 +413,44 @@ class Plant:
     def slip(self) -> list[float]:
         """Slip of every wheel, -1 to 1, n entries."""
         return [slip(self.v, float(rim)) for rim in self.rim_speed]
+
+    @property
+    def slip_valid(self) -> list[bool]:
+        """Whether each wheel's slip means anything, n entries."""
+        return [is_valid(self.v, float(rim), LEAST_SPEED) for rim in self.rim_speed]
+
+    @property
+    def sinkage(self) -> NDArray[np.float64]:
+        """Sinkage of every wheel, m, downward positive, shape (n,)."""
+        return self.forces[:, 4]
+
+    @property
+    def thrust(self) -> NDArray[np.float64]:
+        """Thrust F of every wheel, N, forward positive, shape (n,)."""
+        return self.forces[:, 1]
+
+    @property
+    def max_shear_stress(self) -> list[float]:
+        """c + (N/A)*tan(phi) over the contact arc of every wheel, Pa, n entries."""
+        stresses = []
+        for j, wheel in enumerate(self.vehicle.wheels):
+            soil = self._terrain.soils[
+                soil_row(self.x + self.vehicle.wheel_positions[j], self._terrain.starts)
+            ]
+            depth = min(max(float(self.forces[j, 4]), 1e-3), wheel.radius)
+            area = wheel.width * wheel.radius * math.acos(1.0 - depth / wheel.radius)
+            stresses.append(soil.max_shear_stress(float(self.forces[j, 5]) / area))
+        return stresses
+
+    @property
+    def motion_resistance(self) -> float:
+        """All that holds the vehicle back, N: soil, drawbar, grade and air."""
+        environment = self._model[-1]
+        body = self._model[3]
+        climb = body[MASS] * GRAVITY * math.sin(environment[GRADE])
+        drag = body[DRAG] * self.v * abs(self.v)
+        pull = drawbar_force(self.t, self.v, environment)
+        return float(self.forces[:, 2].sum() + pull + climb + drag)
 
     def step(self, torque: ArrayLike, duration: float) -> None:
         """Advance by a duration under constant commanded torque.

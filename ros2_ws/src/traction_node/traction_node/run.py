@@ -1,5 +1,6 @@
 """The one way a node of the suite spins and ends."""
 
+import os
 import re
 import signal
 import sys
@@ -76,14 +77,35 @@ def executor_for(node):
     return executor
 
 
-def stop_on_signal(executor, stop):
+def catch_signals():
+    """Note SIGINT and SIGTERM in a pipe, whichever thread they reach and whenever they come.
+
+    Python's own handlers run in the main thread only, which a C++ executor does not leave;
+    and threads that libraries start on import cannot be kept from receiving signals.
+
+    Returns
+    -------
+    int
+        File descriptor to read from: one byte a signal, its number.
+    """
+    receiving, sending = os.pipe()
+    os.set_blocking(sending, False)
+    for number in SIGNALS:
+        signal.signal(number, lambda *_: None)
+    signal.set_wakeup_fd(sending)
+    return receiving
+
+
+def stop_on_signal(signals, executor, stop):
     """End spinning on the first SIGINT or SIGTERM, and the process on the second.
 
-    A thread waits for the signals, which are blocked everywhere else: the node can then still
-    publish its last messages, which a signal handler of rclpy would not let it.
+    The node can then still publish its last messages, which a signal handler of rclpy would
+    not let it.
 
     Parameters
     ----------
+    signals : int
+        What `catch_signals` returned.
     executor : rclpy.executors.Executor
         Executor that spins until `stop` is done.
     stop : rclpy.task.Future
@@ -91,14 +113,13 @@ def stop_on_signal(executor, stop):
     """
 
     def wait():
-        signal.sigwait(SIGNALS)
+        os.read(signals, 1)
         if not stop.done():
             stop.set_result(None)
         executor.wake()
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
+        second = os.read(signals, 1)[0]
+        os._exit(128 + second)
 
-    for number in SIGNALS:
-        signal.signal(number, signal.SIG_DFL)
     threading.Thread(target=wait, name='signals', daemon=True).start()
 
 
@@ -135,8 +156,7 @@ def run(node_class, args=None):
         (printed in one line).
     """
     args = sys.argv if args is None else args
-    # Before any thread starts, as threads inherit what is blocked.
-    signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+    signals = catch_signals()
     node = None
     try:
         try:
@@ -146,7 +166,7 @@ def run(node_class, args=None):
                 raise ValueError(f'unknown argument "{extra[0]}"; give --ros-args -p NAME:=VALUE')
             node = node_class()
             executor = executor_for(node)
-            stop_on_signal(executor, node.finished)
+            stop_on_signal(signals, executor, node.finished)
             node.begin()
         except (ValueError, OSError, ParameterException, RCLError) as error:
             report(node_class, error)
