@@ -217,6 +217,13 @@ def test_missing_compiler_is_said_before_anything_else(checkout, monkeypatch):
     assert not (checkout / '.venv').exists()
 
 
+def test_space_in_the_folders_name_is_said_before_anything_else(tmp_path):
+    root = tmp_path / 'my suite'
+    with pytest.raises(setup.SetupError) as refusal:
+        setup.Setup(root, None, sys.executable).run()
+    assert 'my suite" contains a space' in str(refusal.value)
+
+
 def test_full_disk_is_said_before_anything_is_downloaded(checkout, monkeypatch):
     full = shutil._ntuple_diskusage(100e9, 99e9, 1.2e9)
     monkeypatch.setattr(shutil, 'disk_usage', lambda path: full)

@@ -125,6 +125,11 @@ class Setup:
 
     def run(self):
         """Do every step whose ingredients changed."""
+        if re.search(r'\s', str(self.root)):
+            raise SetupError(
+                f'"{self.root}" contains a space, which ROS\'s scripts cannot take: '
+                'move the folder'
+            )
         compilers = os.environ.get('CXX', '').split()[:1] or ['c++', 'g++', 'clang++']
         if not any(map(shutil.which, compilers)):
             raise SetupError(
