@@ -16,6 +16,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
+
 from traction_model.lpv import sampled, slip_dynamics
 from traction_model.wheel import Wheel
 

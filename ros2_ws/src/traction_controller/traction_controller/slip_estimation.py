@@ -19,6 +19,7 @@ from enum import IntEnum
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
 from traction_model.contact import Form, equilibrium_sinkage, shear_deficit
 from traction_model.kernel import kernel
 from traction_model.slip import LEAST_SPEED, is_valid, slip
@@ -399,7 +400,7 @@ class SlipEstimation:
     @property
     def max_shear_stress(self) -> NDArray[np.float64]:
         """tau_max over the nominal contact area of every wheel, Pa, shape (n,)."""
-        return np.exp(self._x[FIRST_WHEEL:])
+        return np.asarray(np.exp(self._x[FIRST_WHEEL:]))
 
     @property
     def max_shear_stress_variance(self) -> NDArray[np.float64]:

@@ -5,6 +5,7 @@ import time
 
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
+
 from traction_interfaces.msg import SlipEstimate
 from traction_model.contact import Form
 from traction_model.definition import DefinitionError
@@ -36,7 +37,7 @@ class PlantNode(TractionNode):
         Parameter(
             'soil_starts',
             [0.0],
-            'where each soil begins along the path of the rear axle; that of the first is not used',
+            'where each soil begins along the path of the rear axle (the first: not used)',
             unit='m',
             read_only=True,
         ),

@@ -13,7 +13,7 @@ transfer.
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -34,12 +34,10 @@ from traction_model.vehicle import (
     Vehicle,
 )
 
+Array = NDArray[np.float64]
+
 # How sinkage is found, as the kernels are told.
 SINKAGE_MODES = {'dynamic': 0, 'equilibrium': 1, 'given': 2}
-
-# Entries of the packed body and of the packed environment.
-MASS, CG_X, CG_HEIGHT, HITCH_HEIGHT, DRAG = range(5)
-PULL, PULL_PER_SPEED, PULL_RAMP, GRADE = range(4)
 
 # The state: speed, distance, then wheel speed, sinkage and sinkage rate of every wheel.
 SPEED, DISTANCE, FIRST_WHEEL = range(3)
@@ -70,8 +68,52 @@ class Drawbar:
                 raise ValueError(f'drawbar {name} must be finite and at least 0, got {value}')
 
 
+class Model(NamedTuple):
+    """All that stays constant over a run, packed for the kernels; n wheels, k soils.
+
+    Attributes
+    ----------
+    form : int
+        A `Form`.
+    mode : int
+        An entry of `SINKAGE_MODES`.
+    wheels : ndarray, shape (n, 6)
+        Packed wheels, SI units.
+    spread : ndarray, shape (n, 2)
+        Load of a wheel, N, per N of total load and per N*m of its moment.
+    soils : ndarray, shape (k, 7)
+        Packed soils, SI units.
+    starts : ndarray, shape (k,)
+        Where each soil begins, m, the first minus infinity.
+    mass, cg_x, cg_height, hitch_height : float
+        kg, m, m, m.
+    drag : float
+        Air drag per square of speed, N*s^2/m^2.
+    pull, pull_per_speed, pull_ramp : float
+        The drawbar's, N, N*s/m, s.
+    grade : float
+        rad, uphill positive.
+    """
+
+    form: int
+    mode: int
+    wheels: Array
+    spread: Array
+    soils: Array
+    starts: Array
+    mass: float
+    cg_x: float
+    cg_height: float
+    hitch_height: float
+    drag: float
+    pull: float
+    pull_per_speed: float
+    pull_ramp: float
+    grade: float
+
+
 @kernel
-def drawbar_force(t, v, environment):
+def drawbar_force(t, v, model):
     """Draft at a time and speed.
 
     Parameters
@@ -80,17 +122,17 @@ def drawbar_force(t, v, environment):
         Time since the start, s.
     v : float
         Speed, m/s.
-    environment : ndarray, shape (4,)
-        Pull N, pull per speed N*s/m, ramp s, grade rad.
+    model : Model
+        What does not change, SI units.
 
     Returns
     -------
     float
         N, backward positive; fades out at standstill, as an implement does not push.
     """
-    share = min(1.0, t / environment[PULL_RAMP]) if environment[PULL_RAMP] > 0.0 else 1.0
+    share = min(1.0, t / model.pull_ramp) if model.pull_ramp > 0.0 else 1.0
     direction = max(-1.0, min(1.0, v / LEAST_TRANSIT_SPEED))
-    return direction * share * (environment[PULL] + environment[PULL_PER_SPEED] * abs(v))
+    return direction * share * (model.pull + model.pull_per_speed * abs(v))
 
 
 @kernel
@@ -116,7 +158,7 @@ def soil_row(x, starts):
 
 
 @kernel
-def derivative(t, y, torque, given, form, mode, wheels, body, spread, soils, starts, env, forces):
+def derivative(t, y, torque, given, model, forces):
     """Rate of change of the state, and the forces that cause it.
 
     Parameters
@@ -128,21 +170,9 @@ def derivative(t, y, torque, given, form, mode, wheels, body, spread, soils, sta
     torque : ndarray, shape (n,)
         Drive torque, N*m, forward positive.
     given : ndarray, shape (n,)
-        Sinkage, m, where `mode` is 2 and the entry is positive.
-    form, mode : int
-        A `Form`; 0 sinkage as a state, 1 from equilibrium, 2 given.
-    wheels : ndarray, shape (n, 6)
-        Packed wheels, SI units.
-    body : ndarray, shape (5,)
-        Mass kg, centre of gravity x and height m, hitch height m, drag N*s^2/m^2.
-    spread : ndarray, shape (n, 2)
-        Load of a wheel, N, per N of total load and per N*m of its moment.
-    soils : ndarray, shape (k, 7)
-        Packed soils, SI units.
-    starts : ndarray, shape (k,)
-        Where they begin, m.
-    env : ndarray, shape (4,)
-        Pull N, pull per speed N*s/m, ramp s, grade rad.
+        Sinkage, m, used in mode 'given' where it is positive.
+    model : Model
+        What does not change, SI units.
     forces : ndarray, shape (n, 6)
         In: the loads, N, in column 0, as a first guess. Out: load on the wheel W, thrust F,
         resistance R, moment M, N*m, sinkage z, m, and the soil's upward force N, N.
@@ -152,12 +182,12 @@ def derivative(t, y, torque, given, form, mode, wheels, body, spread, soils, sta
     ndarray, shape (2 + 3n,)
         Rate of change of `y` in SI units per second.
     """
-    n = wheels.shape[0]
+    form, mode, mass = model.form, model.mode, model.mass
+    n = model.wheels.shape[0]
     v = y[SPEED]
-    mass = body[MASS]
     dy = np.zeros_like(y)
-    pull = drawbar_force(t, v, env)
-    drag = body[DRAG] * v * abs(v)
+    pull = drawbar_force(t, v, model)
+    drag = model.drag * v * abs(v)
     # Where sinkage follows from load, load transfer and sinkage are found in turn; the
     # transfer is a small part of the load, so each turn gains more than a digit.
     turns = 1 if mode == 0 else 4
@@ -165,9 +195,9 @@ def derivative(t, y, torque, given, form, mode, wheels, body, spread, soils, sta
         net = 0.0
         transfer = 0.0
         for j in range(n):
-            wheel = wheels[j]
+            wheel = model.wheels[j]
             omega = y[FIRST_WHEEL + j]
-            soil = soils[soil_row(y[DISTANCE] + wheel[POSITION], starts)]
+            soil = model.soils[soil_row(y[DISTANCE] + wheel[POSITION], model.starts)]
             z_rate = 0.0
             if mode == 0:
                 z = y[FIRST_WHEEL + n + j]
@@ -190,28 +220,25 @@ def derivative(t, y, torque, given, form, mode, wheels, body, spread, soils, sta
             dy[FIRST_WHEEL + j] = (drive - moment) / wheel[INERTIA]
             net += thrust - resistance
             transfer += drive - wheel[RADIUS] * (thrust - resistance)
-        weight = mass * GRAVITY * math.cos(env[GRADE])
-        climb = mass * GRAVITY * math.sin(env[GRADE])
+        weight = mass * GRAVITY * math.cos(model.grade)
+        climb = mass * GRAVITY * math.sin(model.grade)
         dy[SPEED] = (net - pull - climb - drag) / mass
         # Moment of the loads about the rear axle's ground contact, nose-up positive.
-        turn = body[CG_X] * weight - body[HITCH_HEIGHT] * pull - transfer
-        turn -= body[CG_HEIGHT] * (mass * dy[SPEED] + climb + drag)
+        turn = model.cg_x * weight - model.hitch_height * pull - transfer
+        turn -= model.cg_height * (mass * dy[SPEED] + climb + drag)
         for j in range(n):
-            forces[j, 0] = max(0.0, spread[j, 0] * weight + spread[j, 1] * turn)
+            forces[j, 0] = max(0.0, model.spread[j, 0] * weight + model.spread[j, 1] * turn)
     dy[DISTANCE] = v
     if mode == 0:
         for j in range(n):
-            carried = wheels[j, STATIC_LOAD] / GRAVITY
+            carried = model.wheels[j, STATIC_LOAD] / GRAVITY
             dy[FIRST_WHEEL + n + j] = y[FIRST_WHEEL + 2 * n + j]
             dy[FIRST_WHEEL + 2 * n + j] = (forces[j, 0] - forces[j, 5]) / carried
     return dy
 
 
 @kernel
-def rk4(
-    t, dt, y, torque, torque_next, given, given_next, form, mode,
-    wheels, body, spread, soils, starts, env, forces,
-):  # fmt: skip
+def rk4(t, dt, y, torque, torque_next, given, given_next, model, forces):
     """Advance the state by one step of Runge-Kutta 4; inputs vary linearly over the step.
 
     Parameters
@@ -224,7 +251,9 @@ def rk4(
         Drive torque at the start and end of the step, N*m.
     given, given_next : ndarray, shape (n,)
         Given sinkage at the start and end of the step, m.
-    form, mode, wheels, body, spread, soils, starts, env, forces
+    model : Model
+        What does not change, SI units.
+    forces : ndarray, shape (n, 6)
         See `derivative`; SI units.
 
     Returns
@@ -235,45 +264,30 @@ def rk4(
     torque_mid = (torque + torque_next) / 2.0
     given_mid = (given + given_next) / 2.0
     half = dt / 2.0
-    k1 = derivative(
-        t, y, torque, given, form, mode, wheels, body, spread, soils, starts, env, forces
-    )
-    k2 = derivative(
-        t + half, y + half * k1, torque_mid, given_mid, form, mode,
-        wheels, body, spread, soils, starts, env, forces,
-    )  # fmt: skip
-    k3 = derivative(
-        t + half, y + half * k2, torque_mid, given_mid, form, mode,
-        wheels, body, spread, soils, starts, env, forces,
-    )  # fmt: skip
-    k4 = derivative(
-        t + dt, y + dt * k3, torque_next, given_next, form, mode,
-        wheels, body, spread, soils, starts, env, forces,
-    )  # fmt: skip
+    k1 = derivative(t, y, torque, given, model, forces)
+    k2 = derivative(t + half, y + half * k1, torque_mid, given_mid, model, forces)
+    k3 = derivative(t + half, y + half * k2, torque_mid, given_mid, model, forces)
+    k4 = derivative(t + dt, y + dt * k3, torque_next, given_next, model, forces)
     return y + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
 
 
 @kernel
-def _integrate(t0, dt, y, torque, given, form, mode, wheels, body, spread, soils, starts, env):
+def _integrate(t0, dt, y, torque, given, model):
     steps = torque.shape[0] - 1
-    n = wheels.shape[0]
+    n = model.wheels.shape[0]
     states = np.empty((steps + 1, y.size))
     logged = np.empty((steps + 1, n, 6))
     forces = np.zeros((n, 6))
-    forces[:, 0] = wheels[:, STATIC_LOAD]
+    forces[:, 0] = model.wheels[:, STATIC_LOAD]
     states[0] = y
+    derivative(t0, y, torque[0], given[0], model, forces)
+    logged[0] = forces
     for k in range(steps):
-        y = rk4(
-            t0 + k * dt, dt, y, torque[k], torque[k + 1], given[k], given[k + 1], form, mode,
-            wheels, body, spread, soils, starts, env, forces,
-        )  # fmt: skip
+        t = t0 + k * dt
+        y = rk4(t, dt, y, torque[k], torque[k + 1], given[k], given[k + 1], model, forces)
+        derivative(t + dt, y, torque[k + 1], given[k + 1], model, forces)
         states[k + 1] = y
-    for k in range(steps + 1):
-        derivative(
-            t0 + k * dt, states[k], torque[k], given[k], form, mode,
-            wheels, body, spread, soils, starts, env, forces,
-        )  # fmt: skip
-        logged[k] = forces
+        logged[k + 1] = forces
     return states, logged
 
 
@@ -305,16 +319,16 @@ class Trajectory:
         M, N*m, the soil's resistance to the wheel's rotation.
     """
 
-    t: NDArray[np.float64]
-    v: NDArray[np.float64]
-    x: NDArray[np.float64]
-    omega: NDArray[np.float64]
-    slip: NDArray[np.float64]
-    sinkage: NDArray[np.float64]
-    load: NDArray[np.float64]
-    thrust: NDArray[np.float64]
-    resistance: NDArray[np.float64]
-    moment: NDArray[np.float64]
+    t: Array
+    v: Array
+    x: Array
+    omega: Array
+    slip: Array
+    sinkage: Array
+    load: Array
+    thrust: Array
+    resistance: Array
+    moment: Array
 
 
 class Plant:
@@ -400,12 +414,12 @@ class Plant:
         return float(self.state[DISTANCE])
 
     @property
-    def omega(self) -> NDArray[np.float64]:
+    def omega(self) -> Array:
         """Wheel speeds, rad/s, forward positive, shape (n,)."""
         return np.asarray(self.state[FIRST_WHEEL : FIRST_WHEEL + self.n_wheels])
 
     @property
-    def rim_speed(self) -> NDArray[np.float64]:
+    def rim_speed(self) -> Array:
         """r*omega of every wheel, m/s, forward positive, shape (n,)."""
         return np.asarray(self._radii * self.omega)
 
@@ -420,12 +434,12 @@ class Plant:
         return [is_valid(self.v, float(rim), LEAST_SPEED) for rim in self.rim_speed]
 
     @property
-    def sinkage(self) -> NDArray[np.float64]:
+    def sinkage(self) -> Array:
         """Sinkage of every wheel, m, downward positive, shape (n,)."""
         return self.forces[:, 4]
 
     @property
-    def thrust(self) -> NDArray[np.float64]:
+    def thrust(self) -> Array:
         """Thrust F of every wheel, N, forward positive, shape (n,)."""
         return self.forces[:, 1]
 
@@ -445,11 +459,9 @@ class Plant:
     @property
     def motion_resistance(self) -> float:
         """All that holds the vehicle back, N: soil, drawbar, grade and air."""
-        environment = self._model[-1]
-        body = self._model[3]
-        climb = body[MASS] * GRAVITY * math.sin(environment[GRADE])
-        drag = body[DRAG] * self.v * abs(self.v)
-        pull = drawbar_force(self.t, self.v, environment)
+        climb = self._model.mass * GRAVITY * math.sin(self._model.grade)
+        drag = self._model.drag * self.v * abs(self.v)
+        pull = drawbar_force(self.t, self.v, self._model)
         return float(self.forces[:, 2].sum() + pull + climb + drag)
 
     def step(self, torque: ArrayLike, duration: float) -> None:
@@ -469,12 +481,11 @@ class Plant:
         """
         command = np.asarray(torque, dtype=float)
         if command.shape != (self.n_wheels,) or not np.all(np.isfinite(command)):
-            raise ValueError(f'torque must be {self.n_wheels} finite numbers, got {torque}')
+            raise ValueError(f'torque must be {self.n_wheels} finite numbers, got {torque!r}')
         steps = max(1, math.ceil(duration / self.step_size - 1e-9))
         dt = duration / steps
         keep = math.exp(-dt / self.torque_time_constant) if self.torque_time_constant else 0.0
         none = np.zeros(self.n_wheels)
-        form, mode, *model = self._model
         for _ in range(steps):
             power = float(np.maximum(command * self.omega, 0.0).sum())
             allowed = command * min(1.0, self.max_power / power) if power else command
@@ -482,14 +493,12 @@ class Plant:
             self.shaft_torque = allowed + (before - allowed) * keep
             self.state = rk4(
                 self.t, dt, self.state, before, self.shaft_torque, none, none,
-                form, mode, *model, self.forces,
+                self._model, self.forces,
             )  # fmt: skip
             self.t += dt
 
 
-def initial_state(
-    vehicle: Vehicle, terrain: Terrain | Soil, form: Form = Form.CONTACT
-) -> NDArray[np.float64]:
+def initial_state(vehicle: Vehicle, terrain: Terrain | Soil, form: Form = Form.CONTACT) -> Array:
     """Return the state of a vehicle at rest at the start of its path.
 
     Parameters
@@ -586,14 +595,14 @@ def simulate(
     start[SPEED] = v0
     start[FIRST_WHEEL : FIRST_WHEEL + n] = v0 / radii if omega0 is None else omega0
     if not np.all(np.isfinite(start)):
-        raise ValueError(f'v0 and omega0 must be finite, got {v0} m/s and {omega0} rad/s')
-    states, forces = _integrate(t0, dt, start, torque, given, *model)
+        raise ValueError(f'v0 and omega0 must be finite, got {v0} m/s and {omega0!r} rad/s')
+    states, forces = _integrate(t0, dt, start, torque, given, model)
 
     v = states[:, SPEED]
     omega = states[:, FIRST_WHEEL : FIRST_WHEEL + n]
     slips = [[slip(v[k], radii[j] * omega[k, j]) for j in range(n)] for k in range(len(v))]
     return Trajectory(
-        t=t0 + dt * np.arange(len(v)),
+        t=t0 + dt * np.arange(float(len(v))),
         v=v,
         x=states[:, DISTANCE],
         omega=omega,
@@ -617,35 +626,34 @@ def _model(
     sinkage: str,
     drawbar: Drawbar,
     grade: float,
-) -> tuple[int, int, *tuple[NDArray[np.float64], ...]]:
-    """Pack everything that stays constant over a run, in the order `derivative` takes it."""
+) -> Model:
+    """Pack everything that stays constant over a run."""
     if sinkage not in SINKAGE_MODES:
         raise ValueError(f"sinkage must be 'dynamic', 'equilibrium' or samples, got {sinkage!r}")
     if not abs(grade) <= math.pi / 4:
         raise ValueError(f'grade must be within +-pi/4 rad, got {grade}')
     terrain = _terrain(terrain)
-    body = np.array(
-        [
-            vehicle.mass,
-            *vehicle.centre_of_gravity,
-            vehicle.hitch_height,
-            AIR_DENSITY / 2 * vehicle.drag_area,
-        ]
-    )
-    environment = np.array([drawbar.pull, drawbar.pull_per_speed, drawbar.ramp, grade])
-    return (
-        int(form),
-        SINKAGE_MODES[sinkage],
-        vehicle.packed_wheels(),
-        body,
-        np.ascontiguousarray(vehicle.load_distribution()),
-        terrain.packed,
-        terrain.starts,
-        environment,
+    cg_x, cg_height = vehicle.centre_of_gravity
+    return Model(
+        form=int(form),
+        mode=SINKAGE_MODES[sinkage],
+        wheels=vehicle.packed_wheels(),
+        spread=np.ascontiguousarray(vehicle.load_distribution()),
+        soils=terrain.packed,
+        starts=terrain.starts,
+        mass=float(vehicle.mass),
+        cg_x=float(cg_x),
+        cg_height=float(cg_height),
+        hitch_height=float(vehicle.hitch_height),
+        drag=AIR_DENSITY / 2 * vehicle.drag_area,
+        pull=float(drawbar.pull),
+        pull_per_speed=float(drawbar.pull_per_speed),
+        pull_ramp=float(drawbar.ramp),
+        grade=float(grade),
     )
 
 
-def _series(name: str, values: ArrayLike, n: int) -> NDArray[np.float64]:
+def _series(name: str, values: ArrayLike, n: int) -> Array:
     """Check samples of n wheels."""
     series = np.asarray(values, dtype=float)
     if series.ndim != 2 or series.shape[1] != n or len(series) < 2:
