@@ -1,6 +1,7 @@
 """Nodes for test_process.py, run as `python sample_nodes.py CLASS --ros-args ...`."""
 
 import sys
+import threading
 
 from std_msgs.msg import Float64
 
@@ -8,6 +9,9 @@ from traction_node import diagnostic
 from traction_node.node import TractionLifecycleNode, TractionNode
 from traction_node.parameter import Parameter
 from traction_node.run import run
+
+# As numerical libraries do on import: a thread that may be the one to receive a signal.
+threading.Thread(target=threading.Event().wait, daemon=True).start()
 
 
 class Sample(TractionLifecycleNode):
