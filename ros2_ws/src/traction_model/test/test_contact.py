@@ -1,0 +1,210 @@
+"""Contact forces against hand calculation, independent integration and physics."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import quad
+
+from traction_model.contact import (
+    LEAST_TRANSIT_SPEED,
+    Form,
+    arc_contact,
+    contact,
+    equilibrium_sinkage,
+    plate_contact,
+    shear_deficit,
+)
+from traction_model.soil import load_soil, preset_soils
+
+# Agriculture 2024, 14(3), 499, Table 1.
+RADIUS, WIDTH = 0.5, 0.4
+SAND = load_soil('paper_sand').packed()
+FORMS = [int(form) for form in Form]
+
+SOILS = st.sampled_from([soil.packed() for soil in preset_soils().values()])
+DEPTHS = st.floats(1e-6, 0.6)
+RATES = st.floats(-2.0, 2.0)
+
+
+@pytest.mark.parametrize('y', [1e-12, 1e-7, 0.99e-4, 1.01e-4, 1e-2, 1.0, 30.0, 1e4])
+def test_shear_deficit_against_its_series(y):
+    # (1 - exp(-y))/y = sum over k of (-y)^k/(k + 1)!; where y is large, exp(-y) is nothing.
+    if y < 5:
+        expected = math.fsum((-y) ** k / math.factorial(k + 1) for k in range(60))
+    else:
+        expected = (1 - math.exp(-y)) / y
+    assert shear_deficit(y) == pytest.approx(expected, rel=2e-9)
+
+
+@given(st.floats(0.0, 1e6), st.floats(0.0, 1e6))
+def test_shear_deficit_falls_from_one(y, more):
+    assert 0.0 < shear_deficit(y + more) <= shear_deficit(y) * (1 + 1e-9) <= 1.0 + 1e-9
+
+
+def test_plate_by_hand():
+    # Table 1 at 0.1 m of sinkage and 20 % slip:
+    # l = sqrt(2*0.5*0.1 - 0.01) = 0.3 m, A = 0.4*0.3 = 0.12 m^2;
+    # p = 0.2e6*0.1^1.1 = 15886.56 Pa, W = p*A = 1906.39 N;
+    # (18) tau_max = p*tan(30 deg) = 9172.11 Pa;
+    # y = i*l/K = 0.2*0.3/0.01 = 6;
+    # (21) kappa = (1 - exp(-6))/6 = 0.1662535, (22) kappa = 1/6 = 0.1666667;
+    # (19) F = tau_max*A*(1 - kappa) = 917.67 N and 917.21 N;
+    # (25) R = b*W*z/((n + 1)*A) = 0.4*1906.39*0.1/(2.1*0.12) = 302.60 N; M = r*F.
+    for form, thrust in ((Form.BEKKER_WONG, 917.67), (Form.PAPER, 917.21)):
+        forces = plate_contact(int(form), 0.8, 2.0, 0.1, 0.0, SAND, RADIUS, WIDTH)
+        assert forces == pytest.approx((1906.39, thrust, 302.60, 0.5 * thrust), abs=0.02)
+
+
+def test_plate_brakes_by_hand():
+    # v 1 m/s, rim 0.8 m/s: slip -0.2, thrust as above but backward, resistance as above.
+    forces = plate_contact(int(Form.BEKKER_WONG), 1.0, 1.6, 0.1, 0.0, SAND, RADIUS, WIDTH)
+    assert forces == pytest.approx((1906.39, -917.67, 302.60, -458.83), abs=0.02)
+
+
+def test_paper_form_gives_no_thrust_below_its_domain():
+    # y = 0.03*0.3/0.01 = 0.9 < 1: 1 - 1/y would be negative.
+    _, thrust, _, _ = plate_contact(int(Form.PAPER), 0.97, 2.0, 0.1, 0.0, SAND, RADIUS, WIDTH)
+    assert thrust == 0.0
+
+
+def integrated(v, omega, z, z_rate, soil, r, b):
+    """Load, net force and moment by adaptive quadrature of the stresses, v > 0.
+
+    sigma = (k_c/b + k_phi)*(r*(cos th - cos th0))^n + D*max(z' + omega*r*sin th, 0),
+    j = integral from th to th0 of |omega*r*cos s - v|*(r*cos s/v) ds,
+    tau = sign(omega*r*cos th - v)*(c + sigma*tan phi)*(1 - exp(-j/K)), dA = b*r*cos th dth.
+    """
+    k_c, k_phi, n, c, tan_phi, k_shear, damping = soil
+    entry = math.acos(1 - z / r)
+    # Where rim and ground go at the same speed, integrands have a kink.
+    kink = math.acos(v / (r * omega)) if r * omega > v else 0.0
+    kinks = [kink] if 0 < kink < entry else None
+
+    def sigma(th):
+        static = (k_c / b + k_phi) * max(r * (math.cos(th) - math.cos(entry)), 0.0) ** n
+        return static + damping * max(z_rate + omega * r * math.sin(th), 0.0)
+
+    def tau(th):
+        def path(s):
+            return abs(omega * r * math.cos(s) - v) * r * math.cos(s) / v
+
+        inside = kinks if kinks and th < kink else None
+        j = quad(path, th, entry, points=inside, epsabs=1e-12, epsrel=1e-10)[0]
+        sign = 1.0 if omega * r * math.cos(th) > v else -1.0
+        return sign * (c + sigma(th) * tan_phi) * -math.expm1(-j / k_shear)
+
+    def over_arc(stress):
+        def integrand(th):
+            return stress(th) * b * r * math.cos(th)
+
+        return quad(integrand, 0.0, entry, points=kinks, epsabs=1e-9, epsrel=1e-8, limit=200)[0]
+
+    return (
+        over_arc(sigma),
+        over_arc(tau),
+        over_arc(lambda th: tau(th) * r * math.cos(th) + sigma(th) * r * math.sin(th)),
+    )
+
+
+@pytest.mark.parametrize(
+    ('v', 'omega', 'z', 'z_rate', 'soil'),
+    [
+        (0.8, 2.0, 0.10, 0.0, 'paper_sand'),  # 20 % slip
+        (0.9, 2.0, 0.15, 0.2, 'paper_sand'),  # 10 %, sinking
+        (1.0, 2.1, 0.02, -0.3, 'paper_sand'),  # 5 %, rising
+        (0.2, 3.0, 0.17, 0.0, 'paper_sand_soft'),  # 87 %
+        (5.0, 12.0, 0.05, 0.0, 'sandy_loam_15'),  # fast
+        (1.0, 2.0, 0.08, 0.0, 'dry_sand'),  # rolling
+        (1.0, 1.6, 0.10, 0.0, 'paper_sand'),  # braking, -20 %
+        (1.0, 0.2, 0.10, 0.1, 'heavy_clay_25'),  # nearly locked
+        (1.0, 0.0, 0.05, 0.0, 'snow_sweden'),  # locked
+    ],
+)
+def test_arc_against_adaptive_quadrature(v, omega, z, z_rate, soil):
+    packed = load_soil(soil).packed()
+    load, thrust, resistance, moment = arc_contact(v, omega, z, z_rate, packed, RADIUS, WIDTH)
+    expected = integrated(v, omega, z, z_rate, packed, RADIUS, WIDTH)
+    # 24 Gauss points across a kink of tau: a few parts in a thousand of the load.
+    assert load == pytest.approx(expected[0], rel=1e-3)
+    assert thrust - resistance == pytest.approx(expected[1], abs=4e-3 * load)
+    assert moment == pytest.approx(expected[2], abs=4e-3 * load * RADIUS)
+
+
+@pytest.mark.parametrize('form', FORMS)
+@pytest.mark.parametrize('z', [0.0, -0.01])
+def test_no_force_off_the_ground(form, z):
+    assert contact(form, 1.0, 3.0, z, 0.5, SAND, RADIUS, WIDTH) == (0.0, 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize('form', FORMS)
+@given(v=st.floats(0.0, 50.0), omega=st.floats(-100.0, 100.0), z=DEPTHS, soil=SOILS)
+@settings(deadline=None)
+def test_mirrored_in_reverse(form, v, omega, z, soil):
+    forward = contact(form, v, omega, z, 0.0, soil, RADIUS, WIDTH)
+    backward = contact(form, -v, -omega, z, 0.0, soil, RADIUS, WIDTH)
+    if form != Form.CONTACT and v == RADIUS * omega:
+        return  # no slip, no thrust; its sign is a matter of rounding
+    load, *others = forward
+    assert backward == pytest.approx((load, *(-other for other in others)), rel=1e-9)
+
+
+@pytest.mark.parametrize('form', FORMS)
+@given(
+    v=st.floats(-60.0, 60.0), omega=st.floats(-1000.0, 1000.0), z=st.floats(-0.1, 2.0),
+    z_rate=RATES, soil=SOILS,
+)  # fmt: skip
+@settings(deadline=None, max_examples=300)
+def test_finite_everywhere(form, v, omega, z, z_rate, soil):
+    forces = contact(form, v, omega, z, z_rate, soil, RADIUS, WIDTH)
+    assert all(math.isfinite(force) for force in forces)
+    assert forces[0] >= 0.0
+
+
+@pytest.mark.parametrize('form', FORMS)
+@pytest.mark.parametrize('v', [0.0, -0.0, 1e-300, LEAST_TRANSIT_SPEED, -1e-12])
+@pytest.mark.parametrize('omega', [0.0, -0.0, 1e-300, 1e-12, 5.0, -5.0])
+def test_finite_at_and_around_standstill(form, v, omega):
+    forces = contact(form, v, omega, 0.1, 0.0, SAND, RADIUS, WIDTH)
+    assert all(math.isfinite(force) for force in forces)
+
+
+@pytest.mark.parametrize('form', FORMS)
+@given(v=st.floats(0.0, 50.0), omega=st.floats(0.0, 100.0), z=DEPTHS, soil=SOILS)
+@settings(deadline=None, max_examples=200)
+def test_soil_never_creates_energy(form, v, omega, z, soil):
+    # Driven or braked: what the shaft puts in is at least what the axle gets out.
+    load, thrust, resistance, moment = contact(form, v, omega, z, 0.0, soil, RADIUS, WIDTH)
+    speed = max(v, RADIUS * omega)
+    assert moment * omega >= (thrust - resistance) * v - 1e-9 * load * speed
+
+
+@pytest.mark.parametrize('form', FORMS)
+@given(v=st.floats(0.01, 20.0), slip=st.floats(-0.9, 0.9), soil=SOILS, load=st.floats(50.0, 2e4))
+@settings(deadline=None)
+def test_equilibrium_carries_the_load(form, v, slip, soil, load):
+    rim = v / (1 - slip) if slip > 0 else v * (1 + slip)
+    z = equilibrium_sinkage(form, v, rim / RADIUS, load, soil, RADIUS, WIDTH)
+    carried = contact(form, v, rim / RADIUS, z, 0.0, soil, RADIUS, WIDTH)[0]
+    if z == RADIUS:
+        assert carried <= load
+        return
+    # To a millionth of the load, or to 0.1 um of sinkage, whichever comes first.
+    deeper = contact(form, v, rim / RADIUS, z + 1e-7, 0.0, soil, RADIUS, WIDTH)[0]
+    higher = contact(form, v, rim / RADIUS, z - 1e-7, 0.0, soil, RADIUS, WIDTH)[0]
+    assert carried == pytest.approx(load, rel=1e-6) or higher <= load <= deeper
+
+
+def test_equilibrium_by_hand():
+    # On clay without damping or exponent (n = 1, k = 1e6 N/m^3): plate pressure 1e6*z over
+    # b*sqrt(2*r*z - z^2). At z = 0.05 m: l = sqrt(0.0475) = 0.217945 m, W = 4358.90 N.
+    clay = np.array([0.0, 1e6, 1.0, 5e3, 0.2, 0.02, 0.0])
+    z = equilibrium_sinkage(int(Form.BEKKER_WONG), 0.0, 0.0, 4358.90, clay, RADIUS, WIDTH)
+    assert z == pytest.approx(0.05, abs=1e-6)
+
+
+def test_equilibrium_of_nothing_and_of_too_much():
+    assert equilibrium_sinkage(2, 1.0, 2.0, 0.0, SAND, RADIUS, WIDTH) == 0.0
+    assert equilibrium_sinkage(2, 0.0, 0.0, 1e9, SAND, RADIUS, WIDTH) == RADIUS
