@@ -95,7 +95,9 @@ def build(model: type[Model], content: Any, where: str) -> Model:
     try:
         return model.model_validate(content)
     except ValidationError as error:
-        fault = error.errors()[0]
+        # A mistyped key is missing as well: the typing error is what to tell.
+        faults = error.errors()
+        fault = next((f for f in faults if f['type'] == 'extra_forbidden'), faults[0])
         key = '.'.join(str(part) for part in fault['loc'])
         reason = fault['msg']
         if fault['type'] == 'extra_forbidden':
