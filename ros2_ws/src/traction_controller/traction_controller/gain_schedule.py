@@ -96,7 +96,7 @@ class GainSchedule:
     load : float
         Its static load, N, above 0.
     slip : float
-        Slip at which the model is linearised, -1 to 1: the target.
+        Slip at which the model is linearised, at least 0 and below 1: the target.
     lag : float
         Time constant from commanded to shaft torque, s, above 0.
     dt : float

@@ -37,7 +37,7 @@ def slip_dynamics(
     slip_stiffness : float
         C = dF/di, N, at least 0.
     slip : float
-        Slip at the operating point, above -1 and below 1.
+        Slip at the operating point when driving, at least 0 and below 1.
 
     Returns
     -------
@@ -53,7 +53,7 @@ def slip_dynamics(
         ('mass', mass, mass > 0),
         ('rim_speed', rim_speed, rim_speed > 0),
         ('slip_stiffness', slip_stiffness, slip_stiffness >= 0),
-        ('slip', slip, -1 < slip < 1),
+        ('slip', slip, 0 <= slip < 1),
     ):
         if not (math.isfinite(value) and allowed):
             raise ValueError(f'{name} is out of range: {value}')

@@ -24,8 +24,8 @@ def slip(v, rim_speed):
     Returns
     -------
     float
-        Slip, -1 (locked, or turning against the motion) to 1 (spinning at standstill, or
-        turning against a backward motion).
+        Slip, -1 (locked, or turning against a faster motion) to 1 (spinning at standstill,
+        or turning against a slower motion).
     """
     fastest = max(abs(v), abs(rim_speed))
     if fastest == 0.0:
