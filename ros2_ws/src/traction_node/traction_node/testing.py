@@ -107,9 +107,12 @@ class NodeProcess:
         See `ros_arguments`.
     env : dict of str, optional
         Environment variables to add.
+    quiet : bool
+        Do not print at the end what the node printed.
     """
 
-    def __init__(self, path, *args, env=None, **ros):
+    def __init__(self, path, *args, env=None, quiet=False, **ros):
+        self._quiet = quiet
         self.command = [str(path), *args, *ros_arguments(**ros)]
         self._lines = []
         self._changed = threading.Condition()
@@ -139,9 +142,10 @@ class NodeProcess:
         self.kill()
         self._reader.join()
         self._process.stdout.close()
-        # Shown by the test runner if the test failed.
-        print(f'--- {" ".join(self.command)}: exit status {self._process.returncode}')
-        print(self.output, end='')
+        if not self._quiet:
+            # Shown by the test runner if the test failed.
+            print(f'--- {" ".join(self.command)}: exit status {self._process.returncode}')
+            print(self.output, end='')
 
     @property
     def pid(self):

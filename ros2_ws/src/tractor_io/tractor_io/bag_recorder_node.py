@@ -3,7 +3,7 @@
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
 
-from traction_node.diagnostic import OK
+from traction_node.diagnostic import OK, WARN
 from traction_node.node import TractionNode
 from traction_node.parameter import Parameter
 from traction_node.run import run
@@ -124,8 +124,8 @@ class BagRecorderNode(TractionNode):
         if self._writer is not None:
             counts = self._writer.counts
             self.set_diagnostic(
-                OK,
-                f'recording to {self.p.output}',
+                OK if counts else WARN,
+                f'{"recording" if counts else "nothing yet to record"} to {self.p.output}',
                 messages=sum(counts.values()),
                 **counts,
             )

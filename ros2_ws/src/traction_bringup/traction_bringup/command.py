@@ -1,0 +1,112 @@
+"""The command `traction`: demo, replay, plot."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+app = typer.Typer(
+    help='Off-road traction control: simulate, control, replay, look.',
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+)
+console = Console()
+
+Bag = Annotated[Path, typer.Argument(help='Bag: folder, .mcap or .db3 file.')]
+
+
+@app.command()
+def demo(
+    folder: Annotated[
+        Path, typer.Option(help='Where to put picture and bags.', file_okay=False)
+    ] = Path('out/demo'),
+    duration: Annotated[float, typer.Option(help='Length of each drive, s.', min=12.0)] = 30.0,
+) -> None:
+    """Drive a tractor onto a soft patch, without control and with it."""
+    from traction_bringup.demo import demo as run_demo
+
+    run_demo(folder, duration, console)
+
+
+@app.command()
+def replay(
+    bag: Bag,
+    vehicle: Annotated[str, typer.Option(help='Vehicle; default: the one the bag names.')] = '',
+    soil: Annotated[str, typer.Option(help='Nominal soil; default: as the bag says.')] = '',
+    settle: Annotated[
+        float, typer.Option(help='Do not judge before this time, s.', min=0.0)
+    ] = 2.0,
+    least_speed: Annotated[
+        float, typer.Option(help='Do not judge below this rim speed, m/s.', min=0.05)
+    ] = 0.3,
+) -> None:
+    """Send a bag through the slip estimator and compare with its ground truth."""
+    from traction_bringup.replay import replay as run_replay
+
+    with Progress(console=console, transient=True) as progress:
+        task = progress.add_task(f'replaying {bag.name}', total=1.0)
+        errors = run_replay(
+            bag,
+            vehicle,
+            soil,
+            settle=settle,
+            least_speed=least_speed,
+            progress=lambda share: progress.update(task, completed=share),
+        )
+    table = Table(title=f'{bag}: slip estimate against ground truth', title_style='bold')
+    for heading in ('wheel', 'RMSE', '95th percentile', 'within 2 sigma'):
+        table.add_column(heading, justify='left' if heading == 'wheel' else 'right')
+    for j, name in enumerate(errors.wheel_names):
+        table.add_row(
+            name,
+            f'{errors.slip_rmse[j]:.4f}',
+            f'{errors.slip_p95[j]:.4f}',
+            f'{100 * errors.within_two_sigma[j]:.1f} %',
+        )
+    console.print(table)
+    console.print(
+        f'slip RMSE {errors.total_slip_rmse:.4f}, ground speed RMSE {errors.speed_rmse:.3f} m/s, '
+        f'{errors.samples} samples after {settle:g} s above {least_speed:g} m/s',
+        soft_wrap=True,
+        highlight=False,
+    )
+
+
+@app.command()
+def plot(
+    bags: Annotated[list[Path], typer.Argument(help='Bags, drawn side by side.')],
+    output: Annotated[
+        Path | None, typer.Option('--output', '-o', help='PNG file; default: beside the bag.')
+    ] = None,
+    soft_from: Annotated[
+        float | None, typer.Option(help='Where soft soil begins, m along the path.')
+    ] = None,
+) -> None:
+    """Draw slip, speeds and torques of one or more bags."""
+    from traction_bringup.picture import draw
+    from traction_bringup.recording import read_recording
+
+    path = output or bags[0].with_suffix('.png')
+    recordings = [read_recording(bag) for bag in bags]
+    draw(recordings, [bag.stem for bag in bags], path, soft_from=soft_from)
+    console.print(f'picture  {path}', soft_wrap=True)
+
+
+def main() -> int:
+    """Run the command; what is wrong with its input is one line and exit status 2.
+
+    Returns
+    -------
+    int
+        Exit status, where the command line itself was in order.
+    """
+    try:
+        app()
+    except (ValueError, OSError, RuntimeError) as error:
+        stderr = Console(stderr=True, soft_wrap=True, highlight=False, markup=False)
+        stderr.print(f'traction: {error}', style='red')
+        return 2
+    return 0

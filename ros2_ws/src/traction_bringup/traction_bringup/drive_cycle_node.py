@@ -1,0 +1,70 @@
+"""The node `drive_cycle`: a driver who opens the throttle, in place of autonomy."""
+
+from traction_node import diagnostic
+from traction_node.node import TractionNode
+from traction_node.parameter import Parameter
+from traction_node.run import run
+from traction_node.stamp import between
+
+
+class DriveCycleNode(TractionNode):
+    """Asks for torque that rises to a constant, once for every reading of the wheels.
+
+    Its time is that of the stamps of `wheel_states`, so it drives alike at any speed of
+    simulation. Without a controller, remap `torque_request` to `wheel_torque_command`.
+    """
+
+    NAME = 'drive_cycle'
+    PARAMETERS = (
+        Parameter('wheel_names', ['fl', 'fr', 'rl', 'rr'], 'the wheels', read_only=True),
+        Parameter('torque', [1000.0], 'torque of every wheel, or one for all', 'N·m'),
+        Parameter('ramp', 3.0, 'time over which torque rises from zero', 's', 0.0),
+        Parameter('listeners', 1, 'subscribers of torque_request to wait for', '', 0, 10,
+                  read_only=True),
+        Parameter('duration', 0.0, 'time after which the node ends; 0: never', 's', 0.0),
+        Parameter('slip_target', 0.2, 'published once as slip_target', '', 0.01, 0.9,
+                  read_only=True),
+    )  # fmt: skip
+
+    def check_parameters(self, p):
+        """Refuse torques that do not fit the wheels."""
+        if len(p.torque) not in (1, len(p.wheel_names)):
+            raise ValueError(
+                f'{len(p.wheel_names)} wheels need as many entries of torque or one for all, '
+                f'got {len(p.torque)}'
+            )
+
+    def start(self):
+        """Publish the target and wait for the wheels to speak."""
+        self._begin = None
+        self._request_publisher = self.publisher('torque_request')
+        self._request = self._request_publisher.msg_type(name=list(self.p.wheel_names))
+        self._request.header.frame_id = 'base_link'
+        target = self.publisher('slip_target')
+        target.publish(target.msg_type(data=self.p.slip_target))
+        self.subscription('wheel_states', self._on_wheel_states)
+        self.set_diagnostic(diagnostic.WARN, 'waiting for wheel_states')
+
+    def _on_wheel_states(self, message):
+        stamp = message.header.stamp
+        if self._begin is None:
+            if self._request_publisher.get_subscription_count() < self.p.listeners:
+                return
+            self._begin = type(stamp)(sec=stamp.sec, nanosec=stamp.nanosec)
+            self.set_diagnostic(diagnostic.OK, 'driving')
+        elapsed = max(0.0, between(self._begin, stamp))
+        if self.p.duration and elapsed >= self.p.duration:
+            self.finish()
+            return
+        share = min(1.0, elapsed / self.p.ramp) if self.p.ramp else 1.0
+        torque = self.p.torque
+        if len(torque) == 1:
+            torque *= len(self.p.wheel_names)
+        self._request.header.stamp = stamp
+        self._request.effort = [share * value for value in torque]
+        self._request_publisher.publish(self._request)
+
+
+def main():
+    """Run the node."""
+    return run(DriveCycleNode)

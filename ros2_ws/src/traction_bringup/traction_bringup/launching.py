@@ -1,0 +1,37 @@
+"""The system as actions of `ros2 launch`."""
+
+from launch_ros.actions import Node
+
+from traction_bringup.system import system
+
+
+def actions(*, namespace: str = '', **choices):
+    """Turn the system's nodes into launch actions.
+
+    Parameters
+    ----------
+    namespace : str
+        Namespace of all nodes.
+    **choices
+        As `traction_bringup.system.system` takes them.
+
+    Returns
+    -------
+    list of launch_ros.actions.Node
+        One a node, in the order of start.
+    """
+    return [
+        Node(
+            package=node.package,
+            executable=node.executable,
+            name=node.name,
+            namespace=namespace,
+            parameters=[
+                *([str(node.parameter_file)] if node.parameter_file else []),
+                dict(node.parameters),
+            ],
+            remappings=list(node.remappings.items()),
+            output='screen',
+        )
+        for node in system(**choices)
+    ]

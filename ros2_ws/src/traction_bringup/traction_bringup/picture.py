@@ -1,0 +1,144 @@
+"""Pictures of recorded drives: slip, speeds and torques, drives side by side."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from traction_bringup.recording import Recording, Series
+
+matplotlib.use('Agg')
+
+# Colour-blind safe; wheels of one axle share a colour, the right one is dashed.
+_COLOURS = ('#0072B2', '#D55E00', '#009E73', '#CC79A7')
+_TARGET = '#444444'
+_ESTIMATE = '#F0E442'
+_SOFT = '#c8a165'
+
+
+def draw(
+    recordings: Sequence[Recording],
+    titles: Sequence[str],
+    path: Path | str,
+    *,
+    slip_target: float | None = None,
+    soft_from: float | None = None,
+) -> None:
+    """Draw drives side by side into a PNG.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        The drives, each a column.
+    titles : sequence of str
+        Their titles.
+    path : Path or str
+        File to write.
+    slip_target : float, optional
+        Target, dimensionless; by default that of each recording, where it has one.
+    soft_from : float, optional
+        Where soft soil begins, m along the path: shaded from when the rear axle gets there.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+    """
+    columns = len(recordings)
+    figure = Figure(figsize=(1.5 + 5.8 * columns, 8.6), layout='constrained')
+    axes = figure.subplots(3, columns, sharex='col', sharey='row', squeeze=False)
+    for column, (recording, title) in enumerate(zip(recordings, titles, strict=True)):
+        target = slip_target if slip_target is not None else recording.slip_target
+        slip, speed, torque = axes[:, column]
+        slip.set_title(title, fontsize=12, fontweight='bold')
+        _draw_slip(slip, recording, target)
+        _draw_speed(speed, recording)
+        _draw_torque(torque, recording)
+        torque.set_xlabel('time, s')
+        end = recording.end
+        for axis in axes[:, column]:
+            axis.grid(alpha=0.25)
+            axis.set_xlim(0.0, end)
+            _shade(axis, recording, soft_from, end)
+    axes[0, 0].set_ylabel('slip')
+    axes[1, 0].set_ylabel('speed, m/s')
+    axes[2, 0].set_ylabel('shaft torque, kN·m')
+    kmh = axes[1, -1].secondary_yaxis('right', functions=(lambda v: 3.6 * v, lambda k: k / 3.6))
+    kmh.set_ylabel('km/h')
+    for axis, place in zip(
+        axes[:, -1], ('upper right', 'upper right', 'center right'), strict=True
+    ):
+        axis.legend(fontsize=8, loc=place, framealpha=0.9)
+    figure.savefig(path, dpi=110)
+
+
+def _lines(axis: Axes, series: Series, names: Sequence[str], scale: float = 1.0) -> None:
+    """One line a wheel; left and right of an axle look alike but for the dashes."""
+    axles = list(dict.fromkeys(name[0] for name in names))
+    for j, name in enumerate(names):
+        colour = _COLOURS[axles.index(name[0]) % len(_COLOURS)]
+        dashed = '--' if len(names) > 1 and name.endswith('r') else '-'
+        axis.plot(series.t, scale * series.values[:, j], dashed, color=colour, lw=1.2, label=name)
+
+
+def _draw_slip(axis: Axes, recording: Recording, target: float | None) -> None:
+    for kind in ('slip', 'slip_estimate'):
+        if kind in recording:
+            series = recording[kind]
+            if kind == 'slip' and 'slip_valid' in recording:
+                # Slip means nothing at standstill: leave it out.
+                shown = np.where(recording['slip_valid'].values > 0, series.values, np.nan)
+                series = Series(series.t, shown, series.logged)
+            _lines(axis, series, recording.wheel_names)
+            break
+    if target is not None:
+        axis.axhline(target, color=_TARGET, lw=1.0, ls=':', label=f'target {target:g}')
+        axis.axhspan(target - 0.03, target + 0.03, color=_TARGET, alpha=0.08, lw=0)
+    axis.set_ylim(-0.05, 1.05)
+
+
+def _draw_speed(axis: Axes, recording: Recording) -> None:
+    if 'rim_speed' in recording:
+        rims = recording['rim_speed']
+        names = [f'{name} rim' for name in recording.wheel_names]
+        axles = list(dict.fromkeys(name[0] for name in recording.wheel_names))
+        for j, name in enumerate(recording.wheel_names):
+            colour = _COLOURS[axles.index(name[0]) % len(_COLOURS)]
+            dashed = '--' if len(names) > 1 and name.endswith('r') else '-'
+            axis.plot(rims.t, rims.values[:, j], dashed, color=colour, lw=1.0, label=names[j])
+    for kind, label in (('speed', 'over ground'), ('speed_estimate', 'over ground, estimated')):
+        if kind in recording:
+            series = recording[kind]
+            if kind == 'speed':
+                axis.plot(series.t, series.values, 'k-', lw=2.0, label=label)
+            else:
+                axis.plot(series.t, series.values, ':', color=_ESTIMATE, lw=1.4, label=label)
+    # A spinning wheel must not squeeze the speeds that matter into a line.
+    fastest = max(
+        float(np.nanmax(recording[kind].values))
+        for kind in ('speed', 'speed_estimate', 'radar')
+        if kind in recording
+    )
+    top = max(3.0 * fastest, axis.get_ylim()[1] if axis.get_ylim()[1] < 3.0 * fastest else 0.0)
+    axis.set_ylim(min(0.0, axis.get_ylim()[0]), top)
+
+
+def _draw_torque(axis: Axes, recording: Recording) -> None:
+    _lines(axis, recording['shaft_torque'], recording.wheel_names, 1e-3)
+    if 'torque_request' in recording:
+        request = recording['torque_request']
+        for j in range(request.values.shape[1]):
+            axis.plot(request.t, 1e-3 * request.values[:, j], color=_TARGET, lw=0.8, ls=':',
+                      label='requested' if j == 0 else None)  # fmt: skip
+
+
+def _shade(axis: Axes, recording: Recording, soft_from: float | None, end: float) -> None:
+    if soft_from is None or 'distance' not in recording:
+        return
+    distance = recording['distance']
+    there = np.flatnonzero(distance.values >= soft_from)
+    if there.size:
+        axis.axvspan(distance.t[there[0]], end, color=_SOFT, alpha=0.18, lw=0, label='soft soil')

@@ -1,0 +1,136 @@
+"""Replay of a bag through the estimator, compared with the bag's ground truth."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from traction_bringup.recording import Array
+from traction_controller.slip_estimation import SlipEstimation
+from traction_model.soil import load_soil
+from traction_model.vehicle import load_vehicle
+from traction_node.joints import JointOrder
+from tractor_io.bag import BagError, BagReader
+
+
+@dataclass(frozen=True)
+class ReplayErrors:
+    """How far the estimates of a replay lie from ground truth, over judged samples only.
+
+    Attributes
+    ----------
+    wheel_names : tuple of str
+        The wheels.
+    slip_rmse : ndarray, shape (n,)
+        Root mean square of the slip error of each wheel, dimensionless.
+    slip_p95 : ndarray, shape (n,)
+        95th percentile of its magnitude, dimensionless.
+    within_two_sigma : ndarray, shape (n,)
+        Share of errors within two reported standard deviations, dimensionless.
+    speed_rmse : float
+        Root mean square of the ground speed error, m/s.
+    samples : int
+        Judged samples of every wheel.
+    """
+
+    wheel_names: tuple[str, ...]
+    slip_rmse: Array
+    slip_p95: Array
+    within_two_sigma: Array
+    speed_rmse: float
+    samples: int
+
+    @property
+    def total_slip_rmse(self) -> float:
+        """Root mean square of the slip error over all wheels, dimensionless."""
+        return float(np.sqrt(np.mean(self.slip_rmse**2)))
+
+
+def replay(
+    path: Path | str,
+    vehicle: str = '',
+    soil: str = '',
+    *,
+    settle: float = 2.0,
+    least_speed: float = 0.3,
+    progress: Callable[[float], None] | None = None,
+) -> ReplayErrors:
+    """Send a bag through the estimator and compare slip with ground truth.
+
+    Parameters
+    ----------
+    path : Path or str
+        Bag with `wheel_states`, `radar` and `ground_truth/slip_estimate`.
+    vehicle, soil : str
+        As the estimator takes them; empty for those the bag names.
+    settle : float
+        Samples before this time are not judged, s.
+    least_speed : float
+        Nor are those with a rim slower than this, m/s.
+    progress : callable, optional
+        Called with the share that is done, 0 to 1.
+
+    Returns
+    -------
+    ReplayErrors
+        SI units.
+
+    Raises
+    ------
+    BagError
+        If the bag cannot be read, lacks a topic, or names no vehicle and none is given.
+    DefinitionError
+        If vehicle or soil are not known.
+    """
+    topics = ('wheel_states', 'radar', 'ground_truth/slip_estimate')
+    with BagReader(path) as bag:
+        chosen = {'vehicle': vehicle, 'soil': soil}
+        for what, name in chosen.items():
+            chosen[what] = name or bag.custom_data.get(what, '')
+            if not chosen[what]:
+                raise BagError(f'{path}: names no {what}; give --{what}')
+        model = load_vehicle(chosen['vehicle'])
+        estimation = SlipEstimation(model, load_soil(chosen['soil']), least_speed=least_speed)
+        order = JointOrder(model.wheel_names)
+        start, end = bag.start, bag.end
+        estimates: dict[int, tuple[Array, Array, float]] = {}
+        errors, deviations, speed_errors = [], [], []
+        for message in bag.messages(topics):
+            if progress is not None:
+                progress((message.time - start) / max(1, end - start))
+            stamp = message.message.header.stamp
+            ns = stamp.sec * 1_000_000_000 + stamp.nanosec
+            t = (ns - start) * 1e-9
+            content = message.message
+            kind = message.topic.lstrip('/')
+            if kind == 'radar':
+                estimation.radar(t, content.twist.twist.linear.x, content.twist.covariance[0])
+            elif kind == 'wheel_states':
+                names = list(content.name)
+                estimation.wheel_states(
+                    t,
+                    order.values(names, content.velocity, 'wheel_states velocity'),
+                    order.values(names, content.effort, 'wheel_states effort'),
+                )
+                estimates = {
+                    ns: (estimation.slip.copy(), estimation.slip_variance.copy(), estimation.v)
+                }
+            elif ns in estimates and t >= settle:
+                slip, variance, speed = estimates[ns]
+                rims = np.abs(content.wheel_based_speed)
+                if np.all(rims > least_speed):
+                    errors.append(slip - content.slip)
+                    deviations.append(np.sqrt(variance))
+                    speed_errors.append(speed - content.ground_based_speed)
+    if not errors:
+        raise BagError(f'{path}: nothing to judge after {settle:g} s above {least_speed:g} m/s')
+    error = np.array(errors)
+    return ReplayErrors(
+        wheel_names=model.wheel_names,
+        slip_rmse=np.sqrt(np.mean(error**2, axis=0)),
+        slip_p95=np.percentile(np.abs(error), 95, axis=0),
+        within_two_sigma=np.mean(np.abs(error) <= 2 * np.array(deviations), axis=0),
+        speed_rmse=float(np.sqrt(np.mean(np.square(speed_errors)))),
+        samples=len(errors),
+    )

@@ -1,0 +1,130 @@
+"""The one description of the suite as a system, for launch files and for the runner."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from ament_index_python.packages import get_package_share_directory
+
+
+@dataclass(frozen=True)
+class NodeSpec:
+    """One node of the system.
+
+    Attributes
+    ----------
+    package, executable : str
+        What `ros2 run` would be told.
+    name : str
+        Name of the node.
+    parameter_file : Path or None
+        Its parameters, SI units.
+    parameters : dict
+        What differs from that file.
+    remappings : dict of str to str
+        Topic names, from and to.
+    lifecycle : bool
+        Whether the node has to be active before it works.
+    """
+
+    package: str
+    executable: str
+    name: str
+    parameter_file: Path | None = None
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    remappings: Mapping[str, str] = field(default_factory=dict)
+    lifecycle: bool = False
+
+
+def config(package: str, name: str) -> Path:
+    """Path of a parameter file that a package of the suite ships.
+
+    Parameters
+    ----------
+    package, name : str
+        Package, and file name in its ``config`` folder.
+
+    Returns
+    -------
+    Path
+        The file as installed.
+    """
+    return Path(get_package_share_directory(package)) / 'config' / name
+
+
+def system(
+    *,
+    simulated: bool,
+    controlled: bool = True,
+    bag: Path | str = '',
+    parameters: Mapping[str, Mapping[str, Any]] | None = None,
+) -> list[NodeSpec]:
+    """Describe the suite's nodes in the order in which to start them.
+
+    Parameters
+    ----------
+    simulated : bool
+        With plant and drive cycle in place of tractor and autonomy.
+    controlled : bool
+        With the slip controller; without, the drive cycle commands the gate directly.
+    bag : Path or str
+        Folder to record all topics into; empty for none.
+    parameters : mapping of str to mapping, optional
+        Parameters by node name that differ from the files.
+
+    Returns
+    -------
+    list of NodeSpec
+        The nodes; the drive cycle comes last, when all others can listen.
+
+    Raises
+    ------
+    ValueError
+        If `parameters` names a node that is not part of the system.
+    """
+
+    def lifecycle(package: str, name: str) -> NodeSpec:
+        return NodeSpec(
+            package, name, name, config(package, f'{name}.yaml'), {'autostart': True},
+            lifecycle=True,
+        )  # fmt: skip
+
+    nodes = [lifecycle('tractor_io', 'torque_gate')]
+    if controlled:
+        nodes.append(lifecycle('traction_controller', 'slip_controller'))
+    nodes.append(lifecycle('traction_controller', 'slip_estimator'))
+    if simulated:
+        nodes.append(
+            NodeSpec(
+                'traction_model',
+                'plant_node',
+                'plant_node',
+                config('traction_model', 'plant.yaml'),
+            )
+        )
+    if bag:
+        nodes.append(
+            NodeSpec('tractor_io', 'bag_recorder', 'bag_recorder', parameters={'output': str(bag)})
+        )
+    if simulated:
+        direct = {} if controlled else {'torque_request': 'wheel_torque_command'}
+        nodes.append(
+            NodeSpec(
+                'traction_bringup',
+                'drive_cycle',
+                'drive_cycle',
+                config('traction_bringup', 'drive_cycle.yaml'),
+                # Who acts on the request, and the recorder.
+                {'listeners': 2 if bag else 1},
+                direct,
+            )
+        )
+    changes = dict(parameters or {})
+    described = [
+        replace(node, parameters={**node.parameters, **changes.pop(node.name, {})})
+        for node in nodes
+    ]
+    if changes:
+        raise ValueError(f'the system has no node {", ".join(changes)}')
+    return described
