@@ -83,16 +83,16 @@ def judge(recording: Recording, slip_target: float, start: float, settle: float)
     """
     distance = recording['distance']
     there = np.flatnonzero(distance.values >= start)
-    if not there.size or distance.t[-1] - distance.t[there[0]] <= settle:
+    if not there.size or recording.end - distance.t[there[0]] <= settle:
         raise ValueError(
             f'{recording.path}: the vehicle got to {distance.values[-1]:.1f} m, too little to '
             f'be judged from {start:g} m on'
         )
-    entered, ended = float(distance.t[there[0]]), float(distance.t[-1])
+    entered, ended = float(distance.t[there[0]]), recording.end
     slip = recording['slip']
-    judged = slip.values[slip.t >= entered + settle]
+    judged = slip.values[(slip.t >= entered + settle) & (slip.t <= ended)]
     error = np.abs(judged - slip_target)
-    covered = float(distance.values[-1] - distance.values[there[0]])
+    covered = float(np.diff(distance.at(np.array([entered, ended])))[0])
     t, joules = work(recording)
     spent = np.interp([entered, ended], t, joules)
     speeds = recording['wheel_speed']
@@ -103,7 +103,7 @@ def judge(recording: Recording, slip_target: float, start: float, settle: float)
         distance=covered,
         mean_speed=covered / (ended - entered),
         energy_per_metre=float(np.diff(spent)[0]) / covered if covered > 0 else float('inf'),
-        peak_wheel_speed=float(speeds.values[speeds.t >= entered].max()),
+        peak_wheel_speed=float(speeds.values[(speeds.t >= entered) & (speeds.t <= ended)].max()),
     )
 
 

@@ -102,8 +102,8 @@ class Recording:
     @property
     def end(self) -> float:
         """Time of the last torque asked for, or of the last reading of the wheels, s."""
-        asked = self.series.get('torque_request', self['wheel_speed'])
-        return float(asked.t[-1])
+        asked = [name for name in ('torque_request', 'torque_command') if name in self]
+        return float(self[asked[0] if asked else 'wheel_speed'].t[-1])
 
     def rate(self, name: str) -> float:
         """Mean rate at which a quantity was recorded, Hz."""

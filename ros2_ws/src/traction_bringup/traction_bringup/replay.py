@@ -85,6 +85,7 @@ def replay(
     """
     topics = ('wheel_states', 'radar', 'ground_truth/slip_estimate')
     with BagReader(path) as bag:
+        bag.find(topics)
         chosen = {'vehicle': vehicle, 'soil': soil}
         for what, name in chosen.items():
             chosen[what] = name or bag.custom_data.get(what, '')

@@ -9,6 +9,7 @@ with NodeProcess(executable('tractor_io', 'torque_gate')) as gate, Probe() as pr
 """
 
 import contextlib
+import copy
 import os
 import signal
 import subprocess
@@ -30,6 +31,7 @@ from traction_node.topics import message_class, topic
 
 END_TIMEOUT = 15.0  # [s]
 SERVICE_TIMEOUT = 15.0  # [s]
+DEPTH = 1000  # messages kept for a probe that is busy
 
 
 def executable(package, name):
@@ -305,7 +307,10 @@ class Probe:
                 callback(message)
 
         row = topic(name)
-        self.node.create_subscription(message_class(row.type), name, take, QOS[row.qos])
+        # A test that is busy elsewhere for a moment must not take that for a lost message.
+        qos = copy.copy(QOS[row.qos])
+        qos.depth = DEPTH
+        self.node.create_subscription(message_class(row.type), name, take, qos)
         return received
 
     def publisher(self, name):

@@ -1,0 +1,56 @@
+"""The demo keeps what the README promises of it."""
+
+import subprocess
+
+import pytest
+from traction_bringup.evaluation import judge, latency
+from traction_bringup.recording import read_recording
+from traction_node.testing import executable
+
+TARGET = 0.2
+# Rear axle on the soft patch, m along the path; judged 2 s later.
+SOFT_FROM = 15.0
+
+
+@pytest.fixture(scope='module')
+def drives(tmp_path_factory):
+    """Both drives of a demo that is just long enough to be judged."""
+    folder = tmp_path_factory.mktemp('demo')
+    done = subprocess.run(
+        [
+            str(executable('traction_bringup', 'traction')),
+            'demo',
+            '--folder',
+            str(folder),
+            '--duration',
+            '18',
+        ],
+        capture_output=True,
+        text=True,
+        timeout=240,
+    )
+    print(done.stdout, done.stderr)
+    assert done.returncode == 0
+    [made] = folder.iterdir()
+    assert (made / 'demo.png').read_bytes().startswith(b'\x89PNG')
+    for what in ('energy per metre', 'command latency, p99', 'demo.png', 'with_control'):
+        assert what in done.stdout
+    return [read_recording(made / name) for name in ('without_control', 'with_control')]
+
+
+def test_control_keeps_slip_and_saves_energy(drives):
+    without, controlled = (judge(drive, TARGET, SOFT_FROM, 2.0) for drive in drives)
+    assert controlled.slip_p95 <= 0.03
+    assert max(without.slip_peak) > 0.4
+    assert controlled.energy_per_metre < without.energy_per_metre
+    assert controlled.mean_speed > without.mean_speed
+
+
+def test_the_bags_hold_the_whole_drive_at_its_rate(drives):
+    for drive in drives:
+        # From the first request, with torque still at zero, to the last.
+        assert drive['torque_command'].values[0].max() < 100.0
+        assert drive.end == pytest.approx(18.0, abs=0.5)
+        for quantity in ('wheel_speed', 'slip_estimate', 'torque'):
+            assert drive.rate(quantity) == pytest.approx(100.0, rel=0.05)
+        assert len(latency(drive)) > 0.9 * 100.0 * 18.0

@@ -1,0 +1,39 @@
+"""What a user of `ros2 run` meets: every executable, its parameters, and Ctrl-C."""
+
+from pathlib import Path
+
+import pytest
+from traction_node.testing import NodeProcess, Probe, executable
+
+BAG = Path(__file__).parents[1] / 'bags' / 'wheel_low_slip'
+
+NODES = [
+    ('traction_model', 'plant_node', 'plant_node', {'seed': 3}),
+    ('traction_controller', 'slip_estimator', 'slip_estimator', {'least_speed': 0.4}),
+    ('traction_controller', 'slip_controller', 'slip_controller', {'slip_target': 0.15}),
+    ('tractor_io', 'torque_gate', 'torque_gate', {'timeout': 0.05}),
+    ('tractor_io', 'bag_player', 'bag_player', {'bag': str(BAG), 'loop': True}),
+    ('tractor_io', 'bag_recorder', 'bag_recorder', {'topics': ['wheel_states']}),
+    ('traction_bringup', 'drive_cycle', 'drive_cycle', {'ramp': 1.0}),
+]
+
+
+@pytest.mark.parametrize(('package', 'name', 'node', 'params'), NODES, ids=[n[1] for n in NODES])
+def test_takes_a_parameter_and_ends_on_ctrl_c(package, name, node, params, tmp_path):
+    if name == 'bag_recorder':
+        params = {**params, 'output': tmp_path / 'bag'}
+    with NodeProcess(executable(package, name), params=params) as process, Probe() as probe:
+        probe.wait_for(lambda: probe.diagnostics(node), 20.0, f'diagnostics of {node}')
+        assert process.interrupt() == 0, process.output
+        assert 'Traceback' not in process.output
+
+
+@pytest.mark.parametrize(('package', 'name', 'node', 'params'), NODES, ids=[n[1] for n in NODES])
+def test_names_a_parameter_that_is_mistyped(package, name, node, params):
+    first = next(iter(params))
+    wrong = first + 'x'
+    with NodeProcess(executable(package, name), params={wrong: 1}) as process:
+        assert process.wait() == 2
+        assert wrong in process.output
+        assert f'"{first}"' in process.output
+        assert 'Traceback' not in process.output
