@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from traction_bringup.replay import replay
 from traction_node.testing import NodeProcess, Probe, executable
 from tractor_io.bag import BagReader

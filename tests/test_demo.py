@@ -3,6 +3,7 @@
 import subprocess
 
 import pytest
+
 from traction_bringup.evaluation import judge, latency
 from traction_bringup.recording import read_recording
 from traction_node.testing import executable

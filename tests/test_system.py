@@ -4,6 +4,7 @@ import math
 import time
 
 import pytest
+
 from traction_bringup.runner import RunningSystem
 from traction_bringup.system import system
 from traction_node.testing import NodeProcess, executable

@@ -1,0 +1,94 @@
+"""The one description of the system, and what launch files and runner make of it."""
+
+import importlib.util
+import sys
+import types
+from pathlib import Path
+
+import pytest
+import yaml
+from traction_bringup.runner import NodeEndedError, RunningSystem
+from traction_bringup.system import NodeSpec, system
+from traction_node.testing import executable
+
+LAUNCH = Path(__file__).parents[1] / 'launch'
+
+
+def test_every_node_has_an_executable_and_a_parameter_file_that_names_it():
+    for node in system(simulated=True, bag='bag'):
+        assert executable(node.package, node.executable).is_file()
+        if node.parameter_file is not None:
+            [key] = yaml.safe_load(node.parameter_file.read_text(encoding='utf-8'))
+            # With any namespace, and found under the name that the system gives the node.
+            assert key == f'/**/{node.name}'
+
+
+def test_without_control_the_drive_cycle_commands_the_gate():
+    nodes = {node.name: node for node in system(simulated=True, controlled=False)}
+    assert 'slip_controller' not in nodes
+    assert nodes['drive_cycle'].remappings == {'torque_request': 'wheel_torque_command'}
+
+
+def test_on_a_tractor_neither_plant_nor_drive_cycle_runs():
+    assert [node.name for node in system(simulated=False)] == [
+        'torque_gate',
+        'slip_controller',
+        'slip_estimator',
+    ]
+
+
+def test_parameters_go_to_their_node_and_a_wrong_name_is_refused():
+    nodes = {n.name: n for n in system(simulated=True, parameters={'plant_node': {'seed': 7}})}
+    assert nodes['plant_node'].parameters == {'seed': 7}
+    with pytest.raises(ValueError, match='no node plant'):
+        system(simulated=True, parameters={'plant': {'seed': 7}})
+
+
+def test_a_node_that_ends_at_start_is_named_with_what_it_said():
+    broken = NodeSpec('traction_model', 'plant_node', 'plant_node', parameters={'rate': -1.0})
+    with pytest.raises(NodeEndedError, match=r'(?s)plant_node ended with exit status 2.*rate'):
+        RunningSystem([broken]).__enter__()
+
+
+@pytest.fixture
+def launch_modules(monkeypatch):
+    """Stand-ins that keep what they are given, where `ros2 launch` is not installed."""
+
+    class Kept:
+        def __init__(self, *args, **kwargs):
+            self.args, self.kwargs = args, kwargs
+
+        def perform(self, context):
+            return context[self.args[0]]
+
+    for name, members in {
+        'launch': ('LaunchDescription',),
+        'launch.actions': ('DeclareLaunchArgument', 'OpaqueFunction'),
+        'launch.substitutions': ('LaunchConfiguration',),
+        'launch_ros': (),
+        'launch_ros.actions': ('Node',),
+    }.items():
+        module = types.ModuleType(name)
+        for member in members:
+            setattr(module, member, type(member, (Kept,), {}))
+        monkeypatch.setitem(sys.modules, name, module)
+    monkeypatch.delitem(sys.modules, 'traction_bringup.launching', raising=False)
+    yield
+    sys.modules.pop('traction_bringup.launching', None)
+
+
+@pytest.mark.parametrize('file', ['simulation', 'traction'])
+def test_launch_files_start_the_same_nodes_as_the_runner(launch_modules, file):
+    spec = importlib.util.spec_from_file_location(file, LAUNCH / f'{file}.launch.py')
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    [entities] = module.generate_launch_description().args
+    *arguments, nodes = entities
+    given = {a.args[0]: a.kwargs['default_value'] for a in arguments}
+    actions = nodes.kwargs['function'](given | {'namespace': 'second'})
+    expected = system(simulated=file == 'simulation')
+    assert [action.kwargs['name'] for action in actions] == [node.name for node in expected]
+    for action, node in zip(actions, expected, strict=True):
+        assert action.kwargs['package'] == node.package
+        assert action.kwargs['namespace'] == 'second'
+        assert action.kwargs['parameters'] == [str(node.parameter_file), dict(node.parameters)]
