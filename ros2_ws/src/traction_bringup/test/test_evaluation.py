@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from traction_bringup.evaluation import judge, latency, work
 from traction_bringup.recording import Recording, Series
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+
 from traction_bringup.runner import NodeEndedError, RunningSystem
 from traction_bringup.system import NodeSpec, system
 from traction_node.testing import executable

@@ -93,7 +93,8 @@ def replay(
                 raise BagError(f'{path}: names no {what}; give --{what}')
         model = load_vehicle(chosen['vehicle'])
         estimation = SlipEstimation(model, load_soil(chosen['soil']), least_speed=least_speed)
-        order = JointOrder(model.wheel_names)
+        speeds = JointOrder(model.wheel_names, 'wheel_states velocity')
+        torques = JointOrder(model.wheel_names, 'wheel_states effort')
         start, end = bag.start, bag.end
         estimates: dict[int, tuple[Array, Array, float]] = {}
         errors, deviations, speed_errors = [], [], []
@@ -111,8 +112,8 @@ def replay(
                 names = list(content.name)
                 estimation.wheel_states(
                     t,
-                    order.values(names, content.velocity, 'wheel_states velocity'),
-                    order.values(names, content.effort, 'wheel_states effort'),
+                    speeds.values(names, content.velocity),
+                    torques.values(names, content.effort),
                 )
                 estimates = {
                     ns: (estimation.slip.copy(), estimation.slip_variance.copy(), estimation.v)

@@ -64,7 +64,10 @@ class SlipControllerNode(TractionLifecycleNode):
         """Take over mode and target; the command goes on from where it is."""
         if self._control is not None:
             self._control.mode = Mode[p.mode.upper()]
-            self._control.set_target(p.slip_target)
+            # A target that came by topic stands until the parameter itself changes.
+            if p.slip_target != self._target_parameter:
+                self._control.set_target(p.slip_target)
+        self._target_parameter = p.slip_target
 
     def __init__(self, **kwargs):
         self._control = None
@@ -74,6 +77,7 @@ class SlipControllerNode(TractionLifecycleNode):
         """Compute the gain schedule and build the messages."""
         p = self.p
         vehicle = load_vehicle(p.vehicle)
+        self._target_parameter = p.slip_target
         self._control = SlipControl(
             vehicle,
             p.slip_target,
@@ -85,7 +89,17 @@ class SlipControllerNode(TractionLifecycleNode):
             least_speed=p.least_speed,
         )
         names = list(vehicle.wheel_names)
-        self._order = JointOrder(names)
+        self._orders = {
+            what: JointOrder(names, what)
+            for what in (
+                'wheel_states effort',
+                'terrain_estimate slip_stiffness',
+                'torque_request effort',
+                'slip_estimate slip',
+                'slip_estimate wheel_based_speed',
+                'slip_estimate valid',
+            )
+        }
         self._command_publisher = self.publisher('wheel_torque_command')
         self._command = self._command_publisher.msg_type(name=names)
         self._command.header.frame_id = 'base_link'
@@ -118,28 +132,28 @@ class SlipControllerNode(TractionLifecycleNode):
         self._start_over()
         self.set_diagnostic(diagnostic.WARN, 'waiting for slip_estimate')
 
-    def _take(self, topic, names, values, what):
+    def _take(self, what, names, values):
         """Values in wheel order, or None with the reason in the diagnostics."""
         try:
-            ordered = self._order.values(names, values, f'{topic} {what}')
+            ordered = self._orders[what].values(names, values)
         except ValueError as error:
-            self._refuse(topic, error)
+            self._refuse(what, error)
             return None
-        self._refused.pop(topic, None)
+        self._refused.pop(what, None)
         return ordered
 
-    def _refuse(self, topic, error):
-        self._refused[topic] = str(error)
+    def _refuse(self, what, error):
+        self._refused[what] = str(error)
         self.set_diagnostic(diagnostic.ERROR, 'refused: ' + '; '.join(self._refused.values()))
 
     def _on_wheel_states(self, message):
-        torque = self._take('wheel_states', message.name, message.effort, 'effort')
+        torque = self._take('wheel_states effort', message.name, message.effort)
         if torque is not None:
             self._shaft_torque = torque
 
     def _on_terrain(self, message):
         stiffness = self._take(
-            'terrain_estimate', message.wheel_names, message.slip_stiffness, 'slip_stiffness'
+            'terrain_estimate slip_stiffness', message.wheel_names, message.slip_stiffness
         )
         if stiffness is not None:
             self._stiffness = stiffness
@@ -149,7 +163,7 @@ class SlipControllerNode(TractionLifecycleNode):
         if len(efforts) == 1 and len(names) <= 1:
             # One entry for all wheels.
             names, efforts = self._command.name, list(efforts) * self._control.n_wheels
-        request = self._take('torque_request', names, efforts, 'effort')
+        request = self._take('torque_request effort', names, efforts)
         if request is not None:
             self._request = request
             self._request_steady = time.monotonic()
@@ -166,22 +180,19 @@ class SlipControllerNode(TractionLifecycleNode):
         if not self.active:
             return
         control = self._control
-        slips = self._take('slip_estimate', message.wheel_names, message.slip, 'slip')
-        rims = self._take(
-            'slip_estimate', message.wheel_names, message.wheel_based_speed, 'wheel_based_speed'
-        )
-        if slips is None or rims is None:
+        names = message.wheel_names
+        slips = self._take('slip_estimate slip', names, message.slip)
+        rims = self._take('slip_estimate wheel_based_speed', names, message.wheel_based_speed)
+        valid = self._take('slip_estimate valid', names, message.valid)
+        if slips is None or rims is None or valid is None:
             return
-        valid = self._order.values(message.wheel_names, message.valid, 'slip_estimate valid')
         stamp = message.header.stamp
         dt = 0.0 if self._stamp is None else between(self._stamp, stamp)
-        if dt < 0.0:
-            # The clock was set back: one step without integral action.
-            dt = 0.0
+        # After a gap no more than a few periods of integral action at once, and none where the
+        # clock was set back.
+        dt = min(max(dt, 0.0), 5.0 / self.p.rate)
         silent = time.monotonic() - self._request_steady > self.p.request_timeout
         request = None if silent else self._request
-        # After a gap, no more than a few periods of integral action at once.
-        dt = min(dt, 5.0 / self.p.rate)
         outcomes = control.step(
             dt, slips, valid, rims, self._stiffness, self._shaft_torque, request
         )

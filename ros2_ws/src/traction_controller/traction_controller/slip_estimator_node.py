@@ -87,7 +87,8 @@ class SlipEstimatorNode(TractionLifecycleNode):
             vehicle, load_soil(p.soil), EstimatorNoise(**noise), p.least_speed, p.radar_timeout
         )
         names = list(vehicle.wheel_names)
-        self._order = JointOrder(names)
+        self._speeds = JointOrder(names, 'wheel_states velocity')
+        self._torques = JointOrder(names, 'wheel_states effort')
         self._slip = SlipEstimate(wheel_names=names)
         self._slip.header.frame_id = 'base_link'
         self._terrain = TerrainEstimate(wheel_names=names)
@@ -137,8 +138,8 @@ class SlipEstimatorNode(TractionLifecycleNode):
             return
         estimation = self._estimation
         try:
-            omega = self._order.values(message.name, message.velocity, 'wheel_states velocity')
-            torque = self._order.values(message.name, message.effort, 'wheel_states effort')
+            omega = self._speeds.values(message.name, message.velocity)
+            torque = self._torques.values(message.name, message.effort)
             t = self._time(message.header.stamp)
             before = estimation.t
             estimation.wheel_states(t, omega, torque)

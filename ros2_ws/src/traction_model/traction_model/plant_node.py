@@ -140,7 +140,7 @@ class PlantNode(TractionNode):
         p = self.p
         self._plant = self._build(p)
         names = self._plant.vehicle.wheel_names
-        self._order = JointOrder(names)
+        self._torques = JointOrder(names, 'wheel_torque effort')
         self._tachometer = Tachometer(len(names), p.tachometer_pulses)
         self._radar = Radar(
             RadarModel(p.radar_noise, p.radar_bias, p.radar_least_speed, p.radar_latency), p.seed
@@ -194,7 +194,7 @@ class PlantNode(TractionNode):
 
     def _on_torque(self, message):
         try:
-            self._torque = self._order.values(message.name, message.effort, 'wheel_torque')
+            self._torque = self._torques.values(message.name, message.effort)
         except ValueError as error:
             self._refused = str(error)
             self.set_diagnostic(diagnostic.WARN, self._refused)

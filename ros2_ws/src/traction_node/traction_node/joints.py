@@ -4,6 +4,20 @@ import math
 from collections.abc import Sequence
 
 
+class JointError(ValueError):
+    """A message that does not give every joint one finite value.
+
+    Attributes
+    ----------
+    cause : str
+        'names', 'length' or 'not_finite'.
+    """
+
+    def __init__(self, cause: str, text: str) -> None:
+        super().__init__(text)
+        self.cause = cause
+
+
 class JointOrder:
     """Puts the values of a `sensor_msgs/msg/JointState` into the order of its receiver.
 
@@ -11,24 +25,29 @@ class JointOrder:
     ----------
     names : sequence of str
         The joints, in the receiver's order, each once.
+    what : str
+        What the values are, for errors: 'torque'.
+    only : bool
+        Refuse messages with joints that the receiver does not have; else pass those over.
     """
 
-    def __init__(self, names: Sequence[str]) -> None:
+    def __init__(self, names: Sequence[str], what: str, only: bool = False) -> None:
         self._names = tuple(names)
-        self._seen: list[str] = []
+        self._what = what
+        self._only = only
+        # Names of the newest message, and where each joint is in it.
+        self._seen: list[str] | None = None
         self._order: tuple[int, ...] = ()
 
-    def values(self, names: Sequence[str], values: Sequence[float], what: str) -> list[float]:
+    def values(self, names: Sequence[str], values: Sequence[float]) -> list[float]:
         """Return one finite value per joint.
 
         Parameters
         ----------
         names : sequence of str
-            Joints of the message: every joint of the receiver once; more are passed over.
+            Joints of the message, every joint of the receiver once.
         values : sequence of float
             Their values, any unit.
-        what : str
-            What they are, for the error.
 
         Returns
         -------
@@ -37,26 +56,31 @@ class JointOrder:
 
         Raises
         ------
-        ValueError
-            Naming the joint that is missing, given twice, or without a finite value.
+        JointError
+            Naming the joint that is missing, unknown, given twice, or without a finite value.
         """
         if names != self._seen:
-            self._order = self._find(names, what)
+            self._order = self._find(names)
             self._seen = list(names)
         if len(values) != len(names):
-            raise ValueError(f'{what}: {len(values)} values for {len(names)} names')
+            said = f'{self._what}: {len(values)} values for {len(names)} joints'
+            raise JointError('length', said)
         ordered = [values[index] for index in self._order]
         for name, value in zip(self._names, ordered, strict=True):
             if not math.isfinite(value):
-                raise ValueError(f"{what}: '{name}' is {value}")
+                raise JointError('not_finite', f"{self._what} of joint '{name}' is {value}")
         return ordered
 
-    def _find(self, names: Sequence[str], what: str) -> tuple[int, ...]:
+    def _find(self, names: Sequence[str]) -> tuple[int, ...]:
+        """Where each joint is among the names."""
         place = {name: index for index, name in enumerate(names)}
         if len(place) != len(names):
             twice = next(name for index, name in enumerate(names) if place[name] != index)
-            raise ValueError(f"{what}: '{twice}' is given twice")
+            raise JointError('names', f"{self._what}: joint '{twice}' is given twice")
         for name in self._names:
             if name not in place:
-                raise ValueError(f"{what}: '{name}' is missing from {list(names)}")
+                raise JointError('names', f"{self._what}: joint '{name}' is missing")
+        if self._only and len(names) != len(self._names):
+            extra = next(name for name in names if name not in self._names)
+            raise JointError('names', f"{self._what}: unknown joint '{extra}'")
         return tuple(place[name] for name in self._names)

@@ -72,15 +72,15 @@ def test_rate_is_limited():
 
 
 BAD = [
-    ([], [], 'names', "wheel 'fl' is missing"),
-    (['fl'], [0.0], 'names', "wheel 'fr' is missing"),
-    (['fl', 'fl'], [0.0, 0.0], 'names', "wheel 'fl' is given twice"),
-    (['fl', 'xx'], [0.0, 0.0], 'names', "wheel 'fr' is missing"),
-    (['fl', 'fr', 'xx'], [0.0] * 3, 'names', "unknown wheel 'xx'"),
-    (WHEELS, [], 'length', '0 torques for 2 wheels'),
-    (WHEELS, [0.0] * 3, 'length', '3 torques for 2 wheels'),
-    (WHEELS, [0.0, math.nan], 'not_finite', 'fr: torque is nan'),
-    (WHEELS, [-math.inf, 0.0], 'not_finite', 'fl: torque is -inf'),
+    ([], [], 'names', "torque: joint 'fl' is missing"),
+    (['fl'], [0.0], 'names', "torque: joint 'fr' is missing"),
+    (['fl', 'fl'], [0.0, 0.0], 'names', "torque: joint 'fl' is given twice"),
+    (['fl', 'xx'], [0.0, 0.0], 'names', "torque: joint 'fr' is missing"),
+    (['fl', 'fr', 'xx'], [0.0] * 3, 'names', "torque: unknown joint 'xx'"),
+    (WHEELS, [], 'length', 'torque: 0 values for 2 joints'),
+    (WHEELS, [0.0] * 3, 'length', 'torque: 3 values for 2 joints'),
+    (WHEELS, [0.0, math.nan], 'not_finite', "torque of joint 'fr' is nan"),
+    (WHEELS, [-math.inf, 0.0], 'not_finite', "torque of joint 'fl' is -inf"),
 ]
 
 
@@ -137,7 +137,7 @@ def test_bad_commands_do_not_keep_it_from_the_safe_torque():
         gate.command(t, 100.0 + t, WHEELS, [math.nan, 0.0])
         gate.step(t)
     assert gate.output == [0.0, 0.0]
-    assert gate.reason == 'at 0 N·m, no good command for 0.1 s: fl: torque is nan'
+    assert gate.reason == "at 0 N·m, no good command for 0.1 s: torque of joint 'fl' is nan"
 
 
 @pytest.mark.parametrize(

@@ -83,7 +83,7 @@ def test_passes_commands_then_goes_to_the_safe_torque_and_recovers(gate):
 def test_bad_commands_are_told_and_not_passed(gate):
     gate.drive([500.0, 500.0], lambda: gate.efforts == [500.0, 500.0], 'the commanded torques')
     gate.command([math.nan, 0.0])
-    gate.probe.wait_for_diagnostic('torque_gate', 'fl: torque is nan')
+    gate.probe.wait_for_diagnostic('torque_gate', "torque of joint 'fl' is nan")
     status = gate.probe.diagnostics('torque_gate')[-1]
     assert {v.key: v.value for v in status.values}['rejected_not_finite'] == '1'
     for torque in gate.torques:

@@ -9,6 +9,8 @@ import enum
 import math
 from collections.abc import Sequence
 
+from traction_node.joints import JointError, JointOrder
+
 REACTION_TIME = 0.2
 """Longest time from the last good command to the safe torque, s."""
 
@@ -38,10 +40,6 @@ class Limit(enum.Enum):
     HIGH = 'above the most'
     LOW = 'below the least'
     RATE = 'too fast a change'
-
-
-class BadCommandError(ValueError):
-    """A message that does not give one finite torque to every wheel."""
 
 
 class TorqueGate:
@@ -144,11 +142,8 @@ class TorqueGate:
         self._rejection = ''
         self._measured = [safe_torque] * n
         self._last_measured = -math.inf
-        # Names of the newest message of either kind, and where each wheel is in them.
-        self._command_names: list[str] = []
-        self._command_order: tuple[int, ...] = ()
-        self._measured_names: list[str] = []
-        self._measured_order: tuple[int, ...] = ()
+        self._commands = JointOrder(wheel_names, 'torque', only=True)
+        self._measurements = JointOrder(wheel_names, 'shaft torque')
 
     def command(
         self, t: float, stamp: float, names: Sequence[str], efforts: Sequence[float]
@@ -179,18 +174,23 @@ class TorqueGate:
         self.step(t)
         restart = self.state in (State.WAITING, State.RELEASING, State.SAFE)
         try:
-            self._check_command(stamp, names, efforts, restart)
-        except BadCommandError as error:
+            commanded = self._commands.values(names, efforts)
+            # After a pause any stamp will do: the clock may have been set back.
+            if not restart and 0.0 < stamp < self._last_stamp:
+                age = self._last_stamp - stamp
+                raise JointError(
+                    'stamp', f'stamp {stamp:.3f} s is {age:.3f} s older than the last'
+                )
+        except JointError as error:
+            self.rejected[error.cause] += 1
             self._rejection = str(error)
             if not restart:
                 self.state = State.HOLDING
             return False
-        order = self._command_order
         measured = t - self._last_measured <= self._timeout
         dt = 0.0 if restart else t - self._last_good
         cut_magnitude = cut_rate = False
-        for j, index in enumerate(order):
-            asked = efforts[index]
+        for j, asked in enumerate(commanded):
             goal = asked
             limit = Limit.NONE
             if asked > self._max[j]:
@@ -235,14 +235,9 @@ class TorqueGate:
             False when they were not usable and thus ignored.
         """
         try:
-            if names != self._measured_names:
-                self._measured_order = self._order(names)
-                self._measured_names = list(names)
-            self._check_efforts(self._measured_order, names, efforts)
-        except BadCommandError:
+            self._measured = self._measurements.values(names, efforts)
+        except JointError:
             return False
-        for j, index in enumerate(self._measured_order):
-            self._measured[j] = efforts[index]
         self._last_measured = t
         return True
 
@@ -308,46 +303,3 @@ class TorqueGate:
         if self.limits[j] is Limit.RATE:
             return f'{text} at {self._rate[j]:g} N·m/s'
         return f'{text}, {"most" if self.limits[j] is Limit.HIGH else "least"} allowed'
-
-    def _check_command(
-        self, stamp: float, names: Sequence[str], efforts: Sequence[float], restart: bool
-    ) -> None:
-        cause = 'names'
-        try:
-            if names != self._command_names:
-                order = self._order(names)
-                if len(names) != len(self._wheels):
-                    extra = next(name for name in names if name not in self._wheels)
-                    raise BadCommandError(f"unknown wheel '{extra}'")
-                self._command_order, self._command_names = order, list(names)
-            cause = 'length' if len(efforts) != len(names) else 'not_finite'
-            self._check_efforts(self._command_order, names, efforts)
-            cause = 'stamp'
-            # After a pause any stamp will do: the clock may have been set back.
-            if not restart and 0.0 < stamp < self._last_stamp:
-                raise BadCommandError(
-                    f'stamp {stamp:.3f} s is {self._last_stamp - stamp:.3f} s older than the last'
-                )
-        except BadCommandError:
-            self.rejected[cause] += 1
-            raise
-
-    def _order(self, names: Sequence[str]) -> tuple[int, ...]:
-        """Where each wheel is among the names."""
-        place = {name: index for index, name in enumerate(names)}
-        if len(place) != len(names):
-            twice = next(name for index, name in enumerate(names) if place[name] != index)
-            raise BadCommandError(f"wheel '{twice}' is given twice")
-        for wheel in self._wheels:
-            if wheel not in place:
-                raise BadCommandError(f"wheel '{wheel}' is missing")
-        return tuple(place[wheel] for wheel in self._wheels)
-
-    def _check_efforts(
-        self, order: Sequence[int], names: Sequence[str], efforts: Sequence[float]
-    ) -> None:
-        if len(efforts) != len(names):
-            raise BadCommandError(f'{len(efforts)} torques for {len(names)} wheels')
-        for j, index in enumerate(order):
-            if not math.isfinite(efforts[index]):
-                raise BadCommandError(f'{self._wheels[j]}: torque is {efforts[index]}')
