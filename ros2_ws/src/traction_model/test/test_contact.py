@@ -127,10 +127,24 @@ def test_arc_against_adaptive_quadrature(v, omega, z, z_rate, soil):
     packed = load_soil(soil).packed()
     load, thrust, resistance, moment = arc_contact(v, omega, z, z_rate, packed, RADIUS, WIDTH)
     expected = integrated(v, omega, z, z_rate, packed, RADIUS, WIDTH)
-    # 24 Gauss points across a kink of tau: a few parts in a thousand of the load.
-    assert load == pytest.approx(expected[0], rel=1e-3)
-    assert thrust - resistance == pytest.approx(expected[1], abs=4e-3 * load)
-    assert moment == pytest.approx(expected[2], abs=4e-3 * load * RADIUS)
+    # What Gauss points leave open is largest where pressure all but jumps at the entry: on
+    # heavy clay, n = 0.13.
+    assert load == pytest.approx(expected[0], rel=2e-4)
+    assert thrust - resistance == pytest.approx(expected[1], abs=2e-4 * load)
+    assert moment == pytest.approx(expected[2], abs=2e-4 * load * RADIUS)
+
+
+def test_arc_is_continuous_in_speed():
+    # From 2 to 25 % slip, where the place at which the rim is as fast as the ground wanders
+    # through the contact: solvers with step control stall at jumps.
+    net = []
+    for v in np.linspace(0.98, 0.75, 10001):
+        load, thrust, resistance, _ = arc_contact(v, 2.0, 0.15, 0.0, SAND, RADIUS, WIDTH)
+        net.append((thrust - resistance) / load)
+    # Net force over load rises by some tenths over 10000 steps; tau jumping at a Gauss point
+    # of weight 0.01 to 0.1 would change it by that much at once.
+    assert 0.1 < net[-1] - net[0] < 1.0
+    assert np.max(np.abs(np.diff(net))) < 1e-3
 
 
 @pytest.mark.parametrize('form', FORMS)

@@ -45,8 +45,8 @@ LEAST_TRANSIT_SPEED = 0.05
 It bounds the shear displacement at standstill, where the stress integral has no limit.
 """
 
-_NODES, _WEIGHTS = (array for array in np.polynomial.legendre.leggauss(24))
-# On (0, 1), from the wheel's bottom (0) to where soil enters the contact (1).
+_NODES, _WEIGHTS = (array for array in np.polynomial.legendre.leggauss(16))
+# On (0, 1), for each of the two parts of the contact in which shear has one direction.
 NODES = (_NODES + 1) / 2
 WEIGHTS = _WEIGHTS / 2
 
@@ -169,30 +169,36 @@ def arc_contact(v, omega, z, z_rate, soil, radius, width):
     net = 0.0
     shear_moment = 0.0
     compaction = 0.0
-    for k in range(NODES.size):
-        theta = entry * NODES[k]
-        cos_theta = math.cos(theta)
-        sin_theta = math.sin(theta)
-        sigma = stiffness * max(cos_theta - cos_entry, 0.0) ** soil[N_EXP]
-        sigma += soil[DAMPING] * max(z_rate + rim * sin_theta, 0.0)
+    # Shear stress jumps at the turning: each side is integrated by itself, so that forces are
+    # continuous in speed and sinkage.
+    for side in range(2):
+        start = 0.0 if side == 0 else turning
+        span = (turning if side == 0 else entry) - start
+        if span <= 0.0:
+            continue
+        direction = 1.0 if side == 0 else -1.0
+        for k in range(NODES.size):
+            theta = start + span * NODES[k]
+            cos_theta = math.cos(theta)
+            sin_theta = math.sin(theta)
+            sigma = stiffness * max(cos_theta - cos_entry, 0.0) ** soil[N_EXP]
+            sigma += soil[DAMPING] * max(z_rate + rim * sin_theta, 0.0)
 
-        swept = rim * (theta + sin_theta * cos_theta) / 2.0 - v * sin_theta
-        if theta >= turning:
-            path = swept - at_entry
-            direction = -1.0
-        else:
-            path = (at_turning - at_entry) + (at_turning - swept)
-            direction = 1.0
-        displacement = max(path, 0.0) * radius / transit
-        tau = direction * (soil[COHESION] + sigma * soil[TAN_PHI])
-        tau *= -math.expm1(-displacement / soil[SHEAR_MODULUS])
+            swept = rim * (theta + sin_theta * cos_theta) / 2.0 - v * sin_theta
+            if side == 0:
+                path = (at_turning - at_entry) + (at_turning - swept)
+            else:
+                path = swept - at_entry
+            displacement = max(path, 0.0) * radius / transit
+            tau = direction * (soil[COHESION] + sigma * soil[TAN_PHI])
+            tau *= -math.expm1(-displacement / soil[SHEAR_MODULUS])
 
-        area = WEIGHTS[k] * cos_theta
-        load += sigma * area
-        net += tau * area
-        shear_moment += tau * cos_theta * area
-        compaction += sigma * sin_theta * area
-    element = width * radius * entry
+            area = span * WEIGHTS[k] * cos_theta
+            load += sigma * area
+            net += tau * area
+            shear_moment += tau * cos_theta * area
+            compaction += sigma * sin_theta * area
+    element = width * radius
     # Soil is pushed ahead only by a wheel that moves on.
     resistance = heading * min(1.0, v / transit) * compaction * element
     moment = heading * radius * shear_moment * element + radius * resistance
