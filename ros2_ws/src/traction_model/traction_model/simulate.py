@@ -1,4 +1,4 @@
-"""Motion of an n-wheel vehicle on soft soil, integrated with fixed-step Runge-Kutta 4.
+"""Motion of an n-wheel vehicle on soft soil, integrated with Runge-Kutta 4.
 
 Per wheel and for the vehicle (Agriculture 2024, 14(3), 499, equations (29) and (31), made
 dimensionally consistent):
@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from traction_model.contact import LEAST_TRANSIT_SPEED, Form, contact, equilibrium_sinkage
 from traction_model.kernel import kernel
 from traction_model.slip import LEAST_SPEED, is_valid, slip
-from traction_model.soil import Soil, Terrain
+from traction_model.soil import COHESION, SHEAR_MODULUS, TAN_PHI, Soil, Terrain
 from traction_model.vehicle import (
     AIR_DENSITY,
     FRICTION,
@@ -158,7 +158,7 @@ def soil_row(x, starts):
 
 
 @kernel
-def derivative(t, y, torque, given, model, forces):
+def derivative(t, y, torque, given, given_rate, model, forces):
     """Rate of change of the state, and the forces that cause it.
 
     Parameters
@@ -171,6 +171,8 @@ def derivative(t, y, torque, given, model, forces):
         Drive torque, N*m, forward positive.
     given : ndarray, shape (n,)
         Sinkage, m, used in mode 'given' where it is positive.
+    given_rate : ndarray, shape (n,)
+        Its rate, m/s, downward positive.
     model : Model
         What does not change, SI units.
     forces : ndarray, shape (n, 6)
@@ -204,6 +206,7 @@ def derivative(t, y, torque, given, model, forces):
                 z_rate = y[FIRST_WHEEL + 2 * n + j]
             elif mode == 2 and given[j] > 0.0:
                 z = given[j]
+                z_rate = given_rate[j]
             else:
                 z = equilibrium_sinkage(
                     form, v, omega, forces[j, 0], soil, wheel[RADIUS], wheel[WIDTH]
@@ -263,12 +266,89 @@ def rk4(t, dt, y, torque, torque_next, given, given_next, model, forces):
     """
     torque_mid = (torque + torque_next) / 2.0
     given_mid = (given + given_next) / 2.0
+    rate = (given_next - given) / dt
     half = dt / 2.0
-    k1 = derivative(t, y, torque, given, model, forces)
-    k2 = derivative(t + half, y + half * k1, torque_mid, given_mid, model, forces)
-    k3 = derivative(t + half, y + half * k2, torque_mid, given_mid, model, forces)
-    k4 = derivative(t + dt, y + dt * k3, torque_next, given_next, model, forces)
+    k1 = derivative(t, y, torque, given, rate, model, forces)
+    k2 = derivative(t + half, y + half * k1, torque_mid, given_mid, rate, model, forces)
+    k3 = derivative(t + half, y + half * k2, torque_mid, given_mid, rate, model, forces)
+    k4 = derivative(t + dt, y + dt * k3, torque_next, given_next, rate, model, forces)
     return y + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+
+
+@kernel
+def steps_for(dt, y, model, forces):
+    """Steps of Runge-Kutta 4 that a time takes: near standstill slip answers very quickly.
+
+    The fastest rate is that of slip, ``C*(1/m + r^2/J)/(r*omega)`` (see `traction_model.lpv`),
+    with the slip stiffness C at most ``(c*A + N*tan(phi))*l/K``.
+
+    Parameters
+    ----------
+    dt : float
+        Time to advance, s.
+    y : ndarray, shape (2 + 3n,)
+        State, see `derivative`.
+    model : Model
+        What does not change, SI units.
+    forces : ndarray, shape (n, 6)
+        Sinkages, m, and upward forces, N, in columns 4 and 5, see `derivative`.
+
+    Returns
+    -------
+    int
+        Number of steps, at least 1.
+    """
+    v = y[SPEED]
+    shared = 0.0
+    fastest = 0.0
+    for j in range(model.wheels.shape[0]):
+        wheel = model.wheels[j]
+        soil = model.soils[soil_row(y[DISTANCE] + wheel[POSITION], model.starts)]
+        radius = wheel[RADIUS]
+        length = math.sqrt(2.0 * radius * min(max(forces[j, 4], 0.0), radius))
+        strength = soil[COHESION] * wheel[WIDTH] * length + forces[j, 5] * soil[TAN_PHI]
+        speed = max(abs(v), radius * abs(y[FIRST_WHEEL + j]), LEAST_TRANSIT_SPEED)
+        stiffness = strength * length / soil[SHEAR_MODULUS] / speed
+        shared += stiffness / model.mass
+        fastest = max(fastest, stiffness * radius * radius / wheel[INERTIA])
+    # Stable up to 2.8; C is mostly half of its bound.
+    return max(1, math.ceil(dt * (fastest + shared) / 2.5))
+
+
+@kernel
+def advance(t, dt, y, torque, torque_next, given, given_next, model, forces):
+    """Advance the state over a time, in as many steps as it takes.
+
+    Parameters
+    ----------
+    t, dt : float
+        Time at the start and how far to advance, s.
+    y : ndarray, shape (2 + 3n,)
+        State, see `derivative`.
+    torque, torque_next : ndarray, shape (n,)
+        Drive torque at the start and end, N*m; linear in between.
+    given, given_next : ndarray, shape (n,)
+        Given sinkage at the start and end, m; linear in between.
+    model : Model
+        What does not change, SI units.
+    forces : ndarray, shape (n, 6)
+        See `derivative`; SI units.
+
+    Returns
+    -------
+    ndarray, shape (2 + 3n,)
+        State at the end, SI units.
+    """
+    steps = steps_for(dt, y, model, forces)
+    torque_step = (torque_next - torque) / steps
+    given_step = (given_next - given) / steps
+    for k in range(steps):
+        y = rk4(
+            t + k * dt / steps, dt / steps, y,
+            torque + k * torque_step, torque + (k + 1) * torque_step,
+            given + k * given_step, given + (k + 1) * given_step, model, forces,
+        )  # fmt: skip
+    return y
 
 
 @kernel
@@ -280,12 +360,14 @@ def _integrate(t0, dt, y, torque, given, model):
     forces = np.zeros((n, 6))
     forces[:, 0] = model.wheels[:, STATIC_LOAD]
     states[0] = y
-    derivative(t0, y, torque[0], given[0], model, forces)
+    rate = (given[1] - given[0]) / dt
+    derivative(t0, y, torque[0], given[0], rate, model, forces)
     logged[0] = forces
     for k in range(steps):
         t = t0 + k * dt
-        y = rk4(t, dt, y, torque[k], torque[k + 1], given[k], given[k + 1], model, forces)
-        derivative(t + dt, y, torque[k + 1], given[k + 1], model, forces)
+        y = advance(t, dt, y, torque[k], torque[k + 1], given[k], given[k + 1], model, forces)
+        rate = (given[k + 1] - given[k]) / dt
+        derivative(t + dt, y, torque[k + 1], given[k + 1], rate, model, forces)
         states[k + 1] = y
         logged[k + 1] = forces
     return states, logged
@@ -397,6 +479,8 @@ class Plant:
         self.shaft_torque = np.zeros(self.n_wheels)
         self.forces = np.zeros((self.n_wheels, 6))
         self.forces[:, 0] = vehicle.static_loads()
+        none = np.zeros(self.n_wheels)
+        derivative(0.0, self.state, none, none, none, self._model, self.forces)
 
     @property
     def n_wheels(self) -> int:
@@ -477,8 +561,11 @@ class Plant:
         Raises
         ------
         ValueError
-            If a torque is not finite, or their number is not the number of wheels.
+            If a torque is not finite, their number is not the number of wheels, or the
+            duration is not above 0.
         """
+        if not (math.isfinite(duration) and duration > 0):
+            raise ValueError(f'duration must be above 0 s, got {duration}')
         command = np.asarray(torque, dtype=float)
         if command.shape != (self.n_wheels,) or not np.all(np.isfinite(command)):
             raise ValueError(f'torque must be {self.n_wheels} finite numbers, got {torque!r}')
@@ -491,7 +578,7 @@ class Plant:
             allowed = command * min(1.0, self.max_power / power) if power else command
             before = self.shaft_torque if keep else allowed
             self.shaft_torque = allowed + (before - allowed) * keep
-            self.state = rk4(
+            self.state = advance(
                 self.t, dt, self.state, before, self.shaft_torque, none, none,
                 self._model, self.forces,
             )  # fmt: skip
@@ -551,7 +638,7 @@ def simulate(
     torque : array_like, shape (k, n)
         Torque on every wheel at every sample, N*m; linear in between.
     dt : float
-        Time between samples and step of integration, s, above 0 and at most 0.02.
+        Time between samples and longest step of integration, s, above 0 and at most 0.02.
     form : Form
         Form of the contact model.
     sinkage : {'dynamic', 'equilibrium'} or array_like, shape (k, n)
@@ -591,9 +678,12 @@ def simulate(
     model = _model(vehicle, terrain, form, mode, drawbar, grade)
 
     radii = np.array([wheel.radius for wheel in vehicle.wheels])
+    rolling = v0 / radii if omega0 is None else np.asarray(omega0, dtype=float)
+    if rolling.shape != (n,):
+        raise ValueError(f'omega0 must have shape ({n},), got {rolling.shape}')
     start = initial_state(vehicle, terrain, form)
     start[SPEED] = v0
-    start[FIRST_WHEEL : FIRST_WHEEL + n] = v0 / radii if omega0 is None else omega0
+    start[FIRST_WHEEL : FIRST_WHEEL + n] = rolling
     if not np.all(np.isfinite(start)):
         raise ValueError(f'v0 and omega0 must be finite, got {v0} m/s and {omega0!r} rad/s')
     states, forces = _integrate(t0, dt, start, torque, given, model)

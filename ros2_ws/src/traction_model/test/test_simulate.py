@@ -1,0 +1,413 @@
+"""Motion against an independent solver, Chrono, and hand calculation."""
+
+import json
+import math
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from traction_model.contact import Form, contact, equilibrium_sinkage
+from traction_model.simulate import Drawbar, Plant, drawbar_force, initial_state, simulate
+from traction_model.slip import slip
+from traction_model.soil import Terrain, load_soil
+from traction_model.vehicle import load_vehicle
+
+RIG = load_vehicle('single_wheel_rig')
+TRACTOR = load_vehicle('tractor_4wd')
+SAND = load_soil('paper_sand')
+LOAM = load_soil('sandy_loam_chrono')
+
+
+def constant(torque, seconds, dt=0.005):
+    """Samples of a constant torque per wheel."""
+    return np.tile(np.asarray(torque, dtype=float), (round(seconds / dt) + 1, 1))
+
+
+def tractor_motion(t, y, torque, soil, drawbar):
+    """The tractor's equations of motion written out for two axles, from `contact` alone.
+
+    y: v, four wheel speeds, four sinkages, four sinkage rates. Loads from the balance of
+    moments about the rear axle's contact: front axle * wheelbase = m*g*x_cg - h_cg*m*v'
+    - 0.5 m*drawbar - sum of (T - r*(F - R)); the last is what the wheels' pressure ahead of
+    their centres makes up for.
+    """
+    v, omega, z, z_rate = y[0], y[1:5], y[5:9], y[9:13]
+    wheelbase, hitch, cg_x, cg_height, mass = 2.4, 0.5, 3816 / 4440, 4266 / 4440, 4440.0
+    radii = np.array([0.65, 0.65, 0.85, 0.85])
+    widths = [0.4, 0.4, 0.5, 0.5]
+    inertias = np.array([15.0, 15.0, 60.0, 60.0])
+    carried = np.array([7798.95, 7798.95, 13979.25, 13979.25]) / 9.81
+    forces = np.array(
+        [
+            contact(2, v, omega[j], z[j], z_rate[j], soil.packed(), radii[j], widths[j])
+            for j in range(4)
+        ]
+    )
+    upward, net, moment = forces[:, 0], forces[:, 1] - forces[:, 2], forces[:, 3]
+    pull = min(1.0, max(-1.0, v / 0.05)) * min(1.0, t / drawbar.ramp)
+    pull *= drawbar.pull + drawbar.pull_per_speed * abs(v)
+    acceleration = (net.sum() - pull) / mass
+    weight = mass * 9.81
+    lift = weight * cg_x - cg_height * mass * acceleration - hitch * pull
+    lift -= (torque - radii * net).sum()
+    front = lift / wheelbase
+    load = np.array([front / 2, front / 2, (weight - front) / 2, (weight - front) / 2])
+    return np.concatenate(
+        [[acceleration], (torque - moment) / inertias, z_rate, (load - upward) / carried]
+    )
+
+
+def test_tractor_against_independent_solver():
+    torque = np.array([1500.0, 1500.0, 5000.0, 5000.0])
+    drawbar = Drawbar(6000, 1500, 2.0)
+    ours = simulate(TRACTOR, LOAM, constant(torque, 4.0), 0.005, drawbar=drawbar)
+    rest = initial_state(TRACTOR, LOAM)
+    start = np.concatenate([[0.0], rest[2:]])
+    theirs = solve_ivp(
+        tractor_motion, (0, 4), start, method='RK45', rtol=1e-8, atol=1e-10,
+        t_eval=ours.t[::10], args=(torque, LOAM, drawbar),
+    )  # fmt: skip
+    assert theirs.success
+    assert ours.v[::10] == pytest.approx(theirs.y[0], abs=1e-3 * theirs.y[0].max())
+    for j in range(4):
+        assert ours.omega[::10, j] == pytest.approx(
+            theirs.y[1 + j], abs=1e-3 * theirs.y[1 + j].max()
+        )
+        assert ours.sinkage[::10, j] == pytest.approx(theirs.y[5 + j], abs=1e-4)
+
+
+@pytest.mark.parametrize('form', list(Form))
+def test_wheel_against_independent_solver(form):
+    # Torque varies linearly between samples, for both.
+    t = np.arange(0, 5.0025, 0.005)
+    torque = 1200 + 400 * np.sin(3 * t)
+
+    def motion(time, y):
+        v, omega, z, z_rate = y
+        load, thrust, resistance, moment = contact(
+            int(form), v, omega, z, z_rate, SAND.packed(), 0.5, 0.4
+        )
+        fade = max(-1.0, min(1.0, v / 0.05))
+        pull = fade * min(1.0, time / 2.0) * (600 + 300 * abs(v))
+        return [
+            (thrust - resistance - pull) / 500,
+            (np.interp(time, t, torque) - moment) / 20,
+            z_rate,
+            9.81 - load / 500,
+        ]
+
+    z0 = equilibrium_sinkage(int(form), 0.0, 0.0, 4905.0, SAND.packed(), 0.5, 0.4)
+    theirs = solve_ivp(
+        motion, (0, 5), [0, 0, z0, 0], method='RK45', rtol=1e-8, atol=1e-10, max_step=0.005,
+        t_eval=t[::10],
+    )  # fmt: skip
+    ours = simulate(RIG, SAND, torque[:, None], 0.005, form=form, drawbar=Drawbar(600, 300, 2.0))
+    assert ours.v[::10] == pytest.approx(theirs.y[0], abs=1e-3 * np.abs(theirs.y[0]).max())
+    assert ours.omega[::10, 0] == pytest.approx(theirs.y[1], abs=1e-3 * np.abs(theirs.y[1]).max())
+    assert ours.sinkage[::10, 0] == pytest.approx(theirs.y[2], abs=1e-4)
+
+
+SHORT_RUN = """
+import json
+import numpy as np
+from traction_model import Drawbar, Form, load_soil, load_vehicle, simulate
+vehicle, soil = load_vehicle('tractor_4wd'), load_soil('sandy_loam_chrono')
+torque = np.tile([1500.0, 1500.0, 5000.0, 5000.0], (21, 1))
+runs = [
+    simulate(vehicle, soil, torque, 0.005, form=form, sinkage=sinkage, v0=1.0,
+             drawbar=Drawbar(6000, 1500, 0.05))
+    for form in Form for sinkage in ('dynamic', 'equilibrium')
+]
+print(json.dumps([[run.v.tolist(), run.omega.tolist(), run.load.tolist()] for run in runs]))
+"""
+
+
+def test_kernels_give_the_same_as_plain_python():
+    results = []
+    for disabled in ('0', '1'):
+        done = subprocess.run(
+            [sys.executable, '-c', SHORT_RUN],
+            env={**os.environ, 'NUMBA_DISABLE_JIT': disabled},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        results.append(json.loads(done.stdout))
+    for compiled, plain in zip(*results, strict=True):
+        for one, other in zip(compiled, plain, strict=True):
+            np.testing.assert_allclose(one, other, rtol=1e-9)
+
+
+def follow(run, drawbar=Drawbar(), start=0.3):
+    """Simulate a Chrono run of the single wheel with Chrono's sinkage; our and its motion."""
+    k = np.searchsorted(run['t'], start)
+    rest = {name: column[k:] for name, column in run.items()}
+    ours = simulate(
+        RIG, SAND, rest['torque'][:, None], 0.005, sinkage=rest['sinkage'][:, None],
+        drawbar=drawbar, t0=rest['t'][0], v0=rest['v'][0], omega0=[rest['omega'][0]],
+    )  # fmt: skip
+    slips = [slip(v, 0.5 * omega) for v, omega in zip(rest['v'], rest['omega'], strict=True)]
+    return (
+        np.mean(np.abs(ours.v - rest['v'])),
+        np.mean(np.abs(ours.omega[:, 0] - rest['omega'])),
+        np.mean(np.abs(ours.slip[:, 0] - slips)),
+    )
+
+
+def test_wheel_drawbar_as_in_chrono(chrono):
+    # Tractor speed. Chrono's own grid leaves 2 % of speed and 4 % of wheel speed open: 0.03
+    # of 1.3 m/s, 0.12 of 3 rad/s. Its Figure 4 and 5 errors the paper gives as 0.075 m/s,
+    # 0.202 rad/s and 0.022 for its measurement.
+    v, omega, slips = follow(chrono('wheel_drawbar'), Drawbar(900, 300, 2.0))
+    assert v <= 0.05
+    assert omega <= 0.15
+    assert slips <= 0.015
+
+
+def test_wheel_torque_sine_as_in_chrono(chrono):
+    v, omega, slips = follow(chrono('wheel_torque_sine'), Drawbar(900, 300, 2.0))
+    assert v <= 0.05
+    assert omega <= 0.15
+    assert slips <= 0.02
+
+
+def test_wheel_low_slip_as_in_chrono(chrono):
+    # Up to 32 m/s. The paper's Table 3 gives its own model's mean error of speed as 0.456 m/s.
+    # At the end Chrono's wheel turns at 92 rad/s, of which its grid leaves 4 % open.
+    v, omega, slips = follow(chrono('wheel_low_slip'))
+    assert v <= 0.1
+    assert omega <= 0.04 * 92
+    assert slips <= 0.03
+
+
+def test_given_sinkage_counts_with_its_rate():
+    # Soil is pressed down at z' = 0.2 m/s: D*z' = 6 kPa more under a wheel that stands, over
+    # b*sqrt(2*r*z - z^2) = 0.4*0.3 m^2 at z = 0.1 m. Horizontal force without motion: none, so
+    # look at the moment, which damping changes through tau as well: compare with `contact`.
+    z = 0.1 + 0.2 * 0.005 * np.arange(3.0)[:, None]
+    run = simulate(RIG, SAND, np.full((3, 1), 100.0), 0.005, sinkage=z, v0=1.0, omega0=[2.5])
+    expected = contact(2, 1.0, 2.5, 0.1, 0.2, SAND.packed(), 0.5, 0.4)
+    assert run.thrust[0, 0] == pytest.approx(expected[1])
+    assert run.moment[0, 0] == pytest.approx(expected[3])
+
+
+@pytest.mark.parametrize('sinkage', ['dynamic', 'equilibrium'])
+def test_plant_steps_as_simulate_does(sinkage):
+    torque = [1500.0, 1500.0, 5000.0, 5000.0]
+    drawbar = Drawbar(6000, 1500, 0.0)
+    run = simulate(
+        TRACTOR, LOAM, constant(torque, 0.5, 1e-3), 1e-3, sinkage=sinkage, drawbar=drawbar
+    )
+    plant = Plant(TRACTOR, LOAM, sinkage=sinkage, drawbar=drawbar)
+    for _ in range(50):
+        plant.step(torque, 0.01)
+    assert plant.t == pytest.approx(0.5)
+    assert plant.v == pytest.approx(run.v[-1], rel=1e-6)
+    assert plant.omega == pytest.approx(run.omega[-1], rel=1e-6)
+    assert plant.x == pytest.approx(run.x[-1], rel=1e-6)
+    assert plant.slip == pytest.approx(run.slip[-1], abs=1e-6)
+
+
+def test_shaft_torque_lags_behind_the_command():
+    # First order: after one time constant 1 - exp(-1) of the step.
+    plant = Plant(RIG, SAND, torque_time_constant=0.1)
+    plant.step([500.0], 0.1)
+    assert plant.shaft_torque == pytest.approx([500 * (1 - math.exp(-1))])
+
+
+def test_engine_power_limits_all_torques_alike():
+    plant = Plant(TRACTOR, LOAM, max_power=10e3, drawbar=Drawbar(6000, 1500))
+    torque = np.array([1500.0, 1500.0, 5000.0, 5000.0])
+    for _ in range(200):
+        plant.step(torque, 0.01)
+    # Each step goes by the wheel speeds it started from, 1 ms ago.
+    assert plant.shaft_torque @ plant.omega == pytest.approx(10e3, rel=1e-3)
+    assert plant.shaft_torque / torque == pytest.approx([plant.shaft_torque[0] / 1500] * 4)
+    assert plant.shaft_torque[0] < 1500
+
+
+def model(plant):
+    return plant._model
+
+
+def test_drawbar_by_hand():
+    plant = Plant(TRACTOR, LOAM, drawbar=Drawbar(pull=6000, pull_per_speed=1500, ramp=2.0))
+    # Half of the ramp: (6000 + 1500*2)/2; all of it; backward motion is resisted, too;
+    # at a fifth of 0.05 m/s, a fifth.
+    assert drawbar_force(1.0, 2.0, model(plant)) == pytest.approx(4500)
+    assert drawbar_force(5.0, 2.0, model(plant)) == pytest.approx(9000)
+    assert drawbar_force(5.0, -2.0, model(plant)) == pytest.approx(-9000)
+    assert drawbar_force(5.0, 0.01, model(plant)) == pytest.approx((6000 + 15) / 5)
+    assert drawbar_force(5.0, 0.0, model(plant)) == 0.0
+
+
+def resistance_of(plant):
+    """What holds a vehicle back besides the soil, N."""
+    return plant.motion_resistance - plant.forces[:, 2].sum()
+
+
+def test_grade_by_hand():
+    # 4440 kg*9.81*sin(0.1) = 43556.4*0.0998334 N = 4348.38 N hold it back, 9.81*sin(0.1) m/s^2.
+    plant = Plant(TRACTOR, LOAM, grade=0.1)
+    assert resistance_of(plant) == pytest.approx(4348.38, abs=0.1)
+    dt = 1e-5
+    for grade in (0.0, 0.1, -0.2):
+        run = simulate(
+            TRACTOR, LOAM, constant([0] * 4, 2 * dt, dt), dt, grade=grade, v0=2.0,
+            sinkage='equilibrium',
+        )  # fmt: skip
+        net = (run.thrust - run.resistance)[0].sum()
+        acceleration = (run.v[1] - run.v[0]) / dt
+        assert acceleration == pytest.approx(net / 4440 - 9.81 * math.sin(grade), abs=1e-3)
+        # Wheels carry what presses on the slope.
+        assert run.load[0].sum() == pytest.approx(4440 * 9.81 * math.cos(grade), rel=1e-6)
+
+
+def test_load_moves_to_the_rear_uphill():
+    # About the rear axle's contact, slope g: front*wheelbase = m*g*(x_cg*cos - h_cg*sin)
+    # - h_cg*m*v' + sum of r*(F - R), without torque and drawbar. At 2 m/s and 0.1 rad the first
+    # is 43556.4*(0.859459*0.995004 - 0.960811*0.0998334) = 33069.8 N*m.
+    run = simulate(
+        TRACTOR, LOAM, constant([0] * 4, 0.01), 0.005, grade=0.1, v0=2.0, sinkage='equilibrium'
+    )
+    net = (run.thrust - run.resistance)[0]
+    acceleration = net.sum() / 4440 - 9.81 * math.sin(0.1)
+    moment = 33069.8 - 0.960811 * 4440 * acceleration
+    moment += net @ np.array([0.65, 0.65, 0.85, 0.85])
+    assert run.load[0, :2].sum() == pytest.approx(moment / 2.4, rel=1e-3)
+
+
+def test_air_drag_by_hand():
+    # 1.2 kg/m^3/2 * 3 m^2 * (20 m/s)^2 = 720 N.
+    vehicle = TRACTOR.model_copy(update={'drag_area': 3.0})
+    fast = simulate(vehicle, LOAM, constant([0] * 4, 0.01), 0.005, v0=20.0)
+    slower = simulate(TRACTOR, LOAM, constant([0] * 4, 0.01), 0.005, v0=20.0)
+    difference = (fast.v[-1] - slower.v[-1]) / 0.01
+    assert difference == pytest.approx(-720 / 4440, rel=0.02)
+
+
+@pytest.mark.parametrize('form', list(Form))
+@pytest.mark.parametrize('vehicle', [RIG, TRACTOR], ids=['rig', 'tractor'])
+def test_at_rest_stays_at_rest(form, vehicle):
+    soil = SAND if vehicle is RIG else LOAM
+    run = simulate(
+        vehicle, soil, constant([0.0] * len(vehicle.wheels), 2.0), 0.005, form=form,
+        drawbar=Drawbar(5000, 1000),
+    )  # fmt: skip
+    assert np.all(np.abs(run.v) < 1e-9)
+    assert np.all(np.abs(run.omega) < 1e-9)
+    # It neither sinks nor rises, and the soil carries each wheel's static load.
+    assert run.sinkage[-1] == pytest.approx(run.sinkage[0], abs=1e-6)
+    assert run.load[-1] == pytest.approx(vehicle.static_loads(), rel=1e-6)
+
+
+def test_coasting_vehicle_comes_to_rest():
+    run = simulate(TRACTOR, LOAM, constant([0.0] * 4, 20.0), 0.005, v0=3.0)
+    assert np.max(run.v) == 3.0
+    assert abs(run.v[-1]) < 1e-3
+    assert np.all(np.abs(run.omega[-1]) < 1e-2)
+
+
+def test_reverse_is_forward_mirrored_for_a_single_wheel():
+    torque = constant([1500.0], 3.0)
+    drawbar = Drawbar(700, 300, 1.0)
+    forward = simulate(RIG, SAND, torque, 0.005, drawbar=drawbar)
+    backward = simulate(RIG, SAND, -torque, 0.005, drawbar=drawbar)
+    assert backward.v == pytest.approx(-forward.v, abs=1e-9)
+    assert backward.slip == pytest.approx(forward.slip, abs=1e-9)
+
+
+def test_soil_changes_where_the_wheel_is():
+    # Front wheels stand 2.4 m ahead of the rear axle: on the patch that begins at 2 m.
+    soft = load_soil('soft_patch_chrono')
+    split = Plant(TRACTOR, Terrain([LOAM, soft], [2.0]))
+    loam, patch = Plant(TRACTOR, LOAM), Plant(TRACTOR, soft)
+    for plant in (split, loam, patch):
+        plant.step([0.0] * 4, 1e-3)
+    assert split.sinkage[:2] == pytest.approx(patch.sinkage[:2])
+    assert split.sinkage[2:] == pytest.approx(loam.sinkage[2:])
+
+
+def test_max_shear_stress_by_hand():
+    # c + W/(b*r*acos(1 - z/r))*tan(phi) from the plant's own load and sinkage at rest.
+    plant = Plant(RIG, SAND)
+    plant.step([0.0], 1e-3)
+    z = plant.sinkage[0]
+    area = 0.4 * 0.5 * math.acos(1 - z / 0.5)
+    assert plant.max_shear_stress == pytest.approx([4905 / area * math.tan(math.pi / 6)], rel=1e-3)
+
+
+def test_slip_is_not_valid_at_standstill():
+    plant = Plant(RIG, SAND)
+    assert plant.slip_valid == [False]
+    for _ in range(100):
+        plant.step([1500.0], 0.01)
+    assert plant.slip_valid == [True]
+
+
+def refused(reason, **arguments):
+    values = {'torque': constant([100.0] * 4, 0.05), 'dt': 0.005, **arguments}
+    with pytest.raises(ValueError, match=reason):
+        simulate(TRACTOR, LOAM, values.pop('torque'), values.pop('dt'), **values)
+
+
+def test_what_simulate_refuses():
+    spoilt = constant([100.0] * 4, 0.05)
+    spoilt[7, 2] = math.nan
+    refused(r'torque must have shape \(samples, 4\), got \(11, 3\)', torque=np.zeros((11, 3)))
+    refused(r'torque must have shape \(samples, 4\), got \(4,\)', torque=np.zeros(4))
+    refused(r'torque must have shape \(samples, 4\), got \(1, 4\)', torque=np.zeros((1, 4)))
+    refused('torque of wheel 2 is not finite at sample 7', torque=spoilt)
+    refused('dt must be above 0 and at most 0.02 s, got 0.05', dt=0.05)
+    refused('dt must be above 0 and at most 0.02 s, got nan', dt=math.nan)
+    refused("sinkage must be 'dynamic', 'equilibrium' or samples, got 'deep'", sinkage='deep')
+    refused('sinkage has 5 samples, torque has 11', sinkage=np.zeros((5, 4)))
+    refused('grade must be within', grade=1.0)
+    refused('grade must be within', grade=math.nan)
+    refused('v0 and omega0 must be finite, got nan m/s', v0=math.nan)
+    refused(r'omega0 must have shape \(4,\), got \(2,\)', omega0=[1.0, 2.0])
+    # A number for every wheel, not one that is spread over all.
+    refused(r'omega0 must have shape \(4,\), got \(\)', omega0=1.0)
+
+
+@pytest.mark.parametrize(
+    ('argument', 'reason'),
+    [
+        ({'sinkage': 'given'}, "sinkage must be 'dynamic' or 'equilibrium', got 'given'"),
+        ({'torque_time_constant': -0.1}, 'torque_time_constant must be at least 0 s, got -0.1'),
+        ({'max_power': 0.0}, 'max_power must be above 0 W, got 0.0'),
+        ({'step_size': 0.0}, 'step_size must be above 0 and at most 0.01 s, got 0.0'),
+        ({'grade': 2.0}, 'grade must be within'),
+    ],
+)
+def test_what_a_plant_refuses(argument, reason):
+    with pytest.raises(ValueError, match=reason):
+        Plant(TRACTOR, LOAM, **argument)
+
+
+def test_what_a_step_refuses():
+    plant = Plant(TRACTOR, LOAM)
+    for torque in ([1.0], [1.0, 2.0, 3.0, math.nan], 5.0):
+        with pytest.raises(ValueError, match='torque must be 4 finite numbers, got'):
+            plant.step(torque, 0.01)
+    for duration in (0.0, -0.01, math.nan, math.inf):
+        with pytest.raises(ValueError, match='duration must be above 0 s, got'):
+            plant.step([0.0] * 4, duration)
+    assert plant.t == 0.0
+
+
+@pytest.mark.parametrize(
+    ('fault', 'reason'),
+    [
+        ({'pull': -1.0}, 'drawbar pull must be finite and at least 0, got -1.0'),
+        ({'pull_per_speed': math.nan}, 'drawbar pull_per_speed must be finite'),
+        ({'ramp': math.inf}, 'drawbar ramp must be finite'),
+    ],
+)
+def test_what_a_drawbar_refuses(fault, reason):
+    with pytest.raises(ValueError, match=reason):
+        Drawbar(**fault)
