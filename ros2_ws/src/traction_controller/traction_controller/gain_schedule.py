@@ -36,7 +36,7 @@ class ControlWeights:
         dimensionless.
     """
 
-    slip: float = 0.05
+    slip: float = 0.1
     integral_time: float = 0.5
     torque: float = 0.3
 
