@@ -165,7 +165,7 @@ def test_as_fast_as_possible_with_clock(probe):
         # It ends by itself, having simulated all of them.
         assert node.wait() == 0
     assert clocks[-1] == pytest.approx(30.0, abs=0.3)
-    assert all(later >= earlier for earlier, later in zip(clocks, clocks[1:], strict=False))
+    assert clocks == sorted(clocks)
     ratio = (clocks[-1] - clocks[0]) / (walls[-1] - walls[0])
     assert ratio > 5.0
     # Stamps are simulated time.
@@ -235,9 +235,9 @@ def test_same_seed_same_radar(probe):
             {'soils': ['dry_sand'] * 3, 'soil_starts': [0.0, 5.0, 4.0]},
             'starts of soils must be finite and increase, got [5.0, 4.0] m',
         ),
-        ({'drawbar_pull': -1.0}, 'parameter "drawbar_pull" = -1.0 N is out of range: at least 0 N'),
+        ({'drawbar_pull': -1.0}, '"drawbar_pull" = -1.0 N is out of range: at least 0 N'),
         ({'form': 'contakt'}, "is not one of paper, bekker_wong, contact"),
-        ({'drawbar_pul': 5.0}, 'there is no parameter "drawbar_pul"; did you mean "drawbar_pull"?'),
+        ({'drawbar_pul': 5.0}, 'no parameter "drawbar_pul"; did you mean "drawbar_pull"?'),
     ],
 )  # fmt: skip
 def test_bad_parameter_ends_the_start_with_one_line(params, reason):

@@ -1,0 +1,308 @@
+"""Slip control: what it promises, on a linear model and on soil."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from traction_controller.slip_control import ExitReason, LimitStatus, Mode, SlipControl
+from traction_controller.slip_estimation import thrust_curve
+from traction_model.lpv import sampled, slip_dynamics
+from traction_model.simulate import Drawbar, Plant
+from traction_model.soil import Terrain, load_soil
+from traction_model.vehicle import GRAVITY, load_vehicle
+
+RIG = load_vehicle('single_wheel_rig')
+TRACTOR = load_vehicle('tractor_4wd')
+LOADS = [float(load) for load in TRACTOR.static_loads()]
+STIFFNESS = [4 * load for load in LOADS]
+# Made once: computing its gains takes a while.
+CONTROL = SlipControl(TRACTOR, 0.2, hold_torque=20000.0)
+DT = 0.01
+
+
+@pytest.fixture
+def control():
+    CONTROL.reset()
+    CONTROL.mode = Mode.LIMIT
+    CONTROL.set_target(0.2)
+    return CONTROL
+
+
+def step(control, slips, requests, *, valid=True, rims=2.0, shaft=0.0, dt=DT):
+    """One step with the same value for all four wheels where only one is given."""
+
+    def each(value):
+        return [value] * 4 if np.ndim(value) == 0 else list(value)
+
+    return control.step(
+        dt, each(slips), each(valid), each(rims), STIFFNESS, each(shaft),
+        None if requests is None else each(requests),
+    )  # fmt: skip
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.floats(-1, 1), st.floats(-8000, 8000), st.floats(-5, 5), st.floats(-8000, 8000),
+            st.booleans(),
+        ),
+        min_size=1, max_size=30,
+    )
+)  # fmt: skip
+@settings(deadline=None, max_examples=100)
+def test_limit_never_exceeds_the_request(drive):
+    CONTROL.reset()
+    CONTROL.mode = Mode.LIMIT
+    CONTROL.set_target(0.2)
+    for slip, request, rim, shaft, valid in drive:
+        for outcome in step(CONTROL, slip, request, valid=valid, rims=rim, shaft=shaft):
+            assert math.isfinite(outcome.torque)
+            # Along the request, from nothing to all of it.
+            assert 0.0 <= math.copysign(1.0, request) * outcome.torque <= abs(request)
+
+
+def test_request_passes_where_slip_is_below_target(control):
+    for _ in range(300):
+        outcomes = step(control, 0.05, 3000.0, shaft=3000.0)
+    assert [outcome.torque for outcome in outcomes] == [3000.0] * 4
+    assert all(o.limit_status is LimitStatus.OPERATOR_LIMITED for o in outcomes)
+    assert all(o.exit_reason is ExitReason.NONE for o in outcomes)
+
+
+def test_slip_above_target_reduces_torque_of_that_wheel_only(control):
+    for _ in range(300):
+        step(control, 0.05, 3000.0, shaft=3000.0)
+    for slip in np.linspace(0.05, 0.3, 6):
+        outcomes = step(control, [0.05, slip, 0.05, 0.05], 3000.0, shaft=3000.0)
+    assert 0.0 < outcomes[1].torque < 2990.0
+    assert outcomes[1].limit_status is LimitStatus.LIMITED_HIGH
+    assert [outcomes[j].torque for j in (0, 2, 3)] == [3000.0] * 3
+
+
+class LinearWheels:
+    """The linear model that the gains are made for, one per wheel, and its shaft torque."""
+
+    def __init__(self, rim_speed=2.0, lag=0.1):
+        self.state = np.zeros((4, 2))
+        self.models = []
+        for wheel, load, stiffness in zip(TRACTOR.wheels, LOADS, STIFFNESS, strict=True):
+            a, b = slip_dynamics(wheel, load / GRAVITY, rim_speed, stiffness, 0.2)
+            self.models.append(
+                sampled(np.array([[a, b], [0.0, -1 / lag]]), np.array([[0.0], [1 / lag]]), DT)
+            )
+        self.load_torque = 0.0
+
+    def advance(self, torques):
+        # Slip is driven by what torque exceeds the steady moment of the soil by.
+        for j, (a, b) in enumerate(self.models):
+            shifted = self.state[j] - [0.0, self.load_torque]
+            self.state[j] = a @ shifted + b[:, 0] * (torques[j] - self.load_torque)
+            self.state[j] += [0.0, self.load_torque]
+
+    @property
+    def slips(self):
+        return self.state[:, 0].tolist()
+
+    @property
+    def shaft(self):
+        return self.state[:, 1].tolist()
+
+
+def drive(control, wheels, seconds, requests=5000.0):
+    history = []
+    for _ in range(round(seconds / DT)):
+        outcomes = step(control, wheels.slips, requests, shaft=wheels.shaft)
+        torques = [outcome.torque for outcome in outcomes]
+        wheels.advance(torques)
+        history.append([wheels.slips, torques])
+    return np.array(history)
+
+
+def test_hold_reaches_its_target_on_the_linear_model(control):
+    control.mode = Mode.HOLD
+    wheels = LinearWheels()
+    history = drive(control, wheels, 5.0)
+    assert history[-1, 0] == pytest.approx([0.2] * 4, abs=1e-3)
+    # No more than a tenth of the step beyond it on the way.
+    assert np.max(history[:, 0]) < 0.22
+    # And stays there when the soil takes 500 N*m more.
+    wheels.load_torque = 500.0
+    history = drive(control, wheels, 5.0)
+    assert history[-1, 0] == pytest.approx([0.2] * 4, abs=1e-3)
+
+
+def test_change_of_target_is_followed_without_a_bump(control):
+    control.mode = Mode.HOLD
+    wheels = LinearWheels()
+    drive(control, wheels, 5.0)
+    before = [outcome.torque for outcome in control.outcomes]
+    control.set_target(0.1)
+    after = [outcome.torque for outcome in step(control, wheels.slips, 5000.0, shaft=wheels.shaft)]
+    # One step of integral action on an error of 0.1, nothing else.
+    for j in range(4):
+        moved = control.outcomes[j].gains[2] * 0.1 * DT
+        assert after[j] == pytest.approx(before[j] - moved, abs=0.02 * moved)
+        assert moved < 0.05 * before[j]
+    history = drive(control, wheels, 5.0)
+    assert history[-1, 0] == pytest.approx([0.1] * 4, abs=1e-3)
+
+
+def test_change_of_mode_has_no_bump(control):
+    control.mode = Mode.HOLD
+    wheels = LinearWheels()
+    drive(control, wheels, 5.0)
+    held = [outcome.torque for outcome in control.outcomes]
+    for mode in (Mode.LIMIT, Mode.HOLD, Mode.LIMIT):
+        control.mode = mode
+        outcomes = step(control, wheels.slips, 20000.0, shaft=wheels.shaft)
+        assert [outcome.torque for outcome in outcomes] == pytest.approx(held, rel=1e-3)
+
+
+def test_no_windup(control):
+    # A minute at the requested torque with slip far below its target: when slip then rises,
+    # torque falls as fast as after a second of it.
+    falls = []
+    for seconds in (1.0, 60.0):
+        control.reset()
+        for _ in range(round(seconds / DT)):
+            step(control, 0.02, 3000.0, shaft=3000.0)
+        for _ in range(10):
+            outcomes = step(control, 0.35, 3000.0, shaft=3000.0)
+        falls.append(outcomes[0].torque)
+    assert falls[0] == falls[1] < 3000.0
+    # Nor at zero: a minute spinning with no torque left, then grip.
+    rises = []
+    for seconds in (1.0, 60.0):
+        control.reset()
+        for _ in range(round(seconds / DT)):
+            step(control, 0.8, 3000.0)
+        assert control.outcomes[0].torque == 0.0
+        for _ in range(10):
+            outcomes = step(control, 0.1, 3000.0)
+        rises.append(outcomes[0].torque)
+    assert rises[0] == rises[1] > 0.0
+
+
+def test_backward_request_is_forward_mirrored(control):
+    # Braking while rolling forward: slip and torque change their signs, what is done does not.
+    random = np.random.default_rng(1)
+    slips = np.cumsum(random.normal(0, 0.02, 300))
+    shafts = 2000 + 500 * random.standard_normal(300)
+    runs = []
+    for sign in (1.0, -1.0):
+        control.reset()
+        runs.append(
+            [
+                sign * step(control, sign * s, sign * 3000.0, shaft=sign * t)[0].torque
+                for s, t in zip(np.clip(slips, -1, 1), shafts, strict=True)
+            ]
+        )
+    assert runs[0] == runs[1]
+    assert min(runs[0]) < 3000.0
+
+
+def test_driving_in_reverse_is_driving_forward_mirrored(control):
+    # Backward speed and backward request: slip is positive when the wheels drive.
+    runs = []
+    for sign in (1.0, -1.0):
+        control.reset()
+        runs.append(
+            [
+                sign
+                * step(control, s, sign * 3000.0, rims=sign * 2.0, shaft=sign * 2000.0)[0].torque
+                for s in np.linspace(0.0, 0.5, 100)
+            ]
+        )
+    assert runs[0] == runs[1]
+    assert runs[0][-1] < 1000.0
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'reason', 'torque'),
+    [
+        ({'slips': 0.1, 'requests': None}, ExitReason.NO_REQUEST, 0.0),
+        ({'slips': 0.9, 'requests': 3000.0, 'rims': 0.2}, ExitReason.SPEED_TOO_LOW, 3000.0),
+        ({'slips': 0.9, 'requests': 3e3, 'valid': False}, ExitReason.SLIP_NOT_AVAILABLE, 3e3),
+        ({'slips': 0.9, 'requests': -9e2, 'valid': False}, ExitReason.SLIP_NOT_AVAILABLE, -9e2),
+    ],
+)  # fmt: skip
+def test_exit_reasons(control, arguments, reason, torque):
+    for outcome in step(control, **arguments):
+        assert outcome.exit_reason is reason
+        assert outcome.limit_status is LimitStatus.NOT_AVAILABLE
+        assert outcome.torque == torque
+
+
+def test_slip_control_takes_over_from_what_was_passed(control):
+    step(control, 0.9, 3000.0, valid=False)
+    outcomes = step(control, 0.2, 3000.0)
+    # At the target, with no change of slip known: the torque stays.
+    assert [outcome.torque for outcome in outcomes] == pytest.approx([3000.0] * 4)
+
+
+def test_no_time_no_integral_action(control):
+    step(control, 0.5, 3000.0, valid=False)
+    assert [o.torque for o in step(control, 0.5, 3000.0, dt=0.0)] == [3000.0] * 4
+
+
+def stiffnesses(plant, terrain):
+    """Slip stiffness of every wheel from the plant's own state, as terrain_estimate gives it."""
+    found = []
+    for j, wheel in enumerate(TRACTOR.wheels):
+        place = plant.x + TRACTOR.wheel_positions[j]
+        soil = terrain.soils[int(np.searchsorted(terrain.starts, place, side='right')) - 1]
+        length = wheel.radius * math.acos(1 - max(plant.sinkage[j], 1e-3) / wheel.radius)
+        path = length / soil.shear_deformation_modulus
+        slope = thrust_curve(plant.slip[j], wheel.width * length, path)[1]
+        found.append(plant.max_shear_stress[j] * slope)
+    return found
+
+
+@pytest.mark.parametrize('mode', [Mode.LIMIT, Mode.HOLD])
+def test_slip_on_a_soft_patch_stays_at_its_target(mode):
+    # The contact form's own slip fed back, no estimator: full throttle from loam onto the patch.
+    control = SlipControl(TRACTOR, 0.2, mode)
+    terrain = Terrain([load_soil('sandy_loam_chrono'), load_soil('soft_patch_chrono')], [8.0])
+    plant = Plant(
+        TRACTOR, terrain, drawbar=Drawbar(9000, 1500, 2.0), torque_time_constant=0.1,
+        max_power=75e3,
+    )  # fmt: skip
+    request = np.array([2400.0, 2400.0, 7000.0, 7000.0])
+    errors, entered = [], None
+    for _ in range(2000):
+        outcomes = control.step(
+            DT, plant.slip, plant.slip_valid, plant.rim_speed.tolist(),
+            stiffnesses(plant, terrain), plant.shaft_torque.tolist(),
+            (request * min(1.0, plant.t / 3.0)).tolist(),
+        )  # fmt: skip
+        plant.step([outcome.torque for outcome in outcomes], DT)
+        if plant.x > 8.0 and entered is None:
+            entered = plant.t
+        if entered is not None and plant.t > entered + 2.0:
+            errors.append(np.abs(np.array(plant.slip) - 0.2).tolist())
+    assert entered is not None
+    assert len(errors) > 500
+    # All wheels; the budget of the demo.
+    assert np.percentile(errors, 95) <= 0.03
+
+
+@pytest.mark.parametrize('target', [0.0, -0.1, 0.95, math.nan])
+def test_target_refused(control, target):
+    with pytest.raises(ValueError, match=r'slip target must be above 0 and at most 0\.9, got'):
+        control.set_target(target)
+    assert control.slip_target == 0.2
+
+
+@pytest.mark.parametrize('fault', ['hold_torque', 'least_speed'])
+def test_control_refuses(fault):
+    with pytest.raises(ValueError, match=f'{fault} must be above 0, got nan'):
+        SlipControl(RIG, 0.2, **{fault: math.nan})
+
+
+def test_like_wheels_share_a_schedule():
+    assert CONTROL.schedules[0] is CONTROL.schedules[1]
+    assert CONTROL.schedules[2] is CONTROL.schedules[3]
+    assert CONTROL.schedules[0] is not CONTROL.schedules[2]
