@@ -108,6 +108,7 @@ class SlipEstimatorNode(TractionLifecycleNode):
     def _start_over(self):
         self._estimation.reset()
         self._odometry = PathOdometry()
+        self._odometry_t = None
         self._epoch = None
         self._terrain_due = 0.0
         self._odometry_due = 0.0
@@ -141,14 +142,16 @@ class SlipEstimatorNode(TractionLifecycleNode):
             omega = self._speeds.values(message.name, message.velocity)
             torque = self._torques.values(message.name, message.effort)
             t = self._time(message.header.stamp)
-            before = estimation.t
             estimation.wheel_states(t, omega, torque)
         except ValueError as error:
             self._refuse('wheel_states', error)
             return
         self._refused.pop('wheel_states', None)
-        if before is not None:
-            self._odometry.advance(t - before, estimation.v, estimation.v_variance)
+        # By its own time: the estimator's has moved on with radar readings.
+        if self._odometry_t is not None:
+            dt = t - self._odometry_t
+            self._odometry.advance(dt, estimation.v, estimation.v_variance)
+        self._odometry_t = t
 
         slip = self._slip
         slip.header.stamp = message.header.stamp

@@ -1,0 +1,292 @@
+"""The slip controller as a process: what it commands to what it hears, and how it can be set."""
+
+import math
+
+import pytest
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
+
+from traction_controller.slip_control import ExitReason, LimitStatus, Mode
+from traction_interfaces.msg import SlipEstimate, TerrainEstimate
+from traction_node import diagnostic
+from traction_node.stamp import seconds, to_stamp
+from traction_node.testing import NodeProcess, Probe, executable
+
+NODE = 'slip_controller'
+WHEELS = ['fl', 'fr', 'rl', 'rr']
+
+
+def controller(namespace='', **params):
+    path = executable('traction_controller', 'slip_controller')
+    return NodeProcess(path, params=params, namespace=namespace)
+
+
+class Tractor:
+    """What a controller hears: requests, slips; waits for its answer to each slip."""
+
+    def __init__(self, probe):
+        self.probe = probe
+        self.t = 100.0
+        self.commands = probe.subscribe('wheel_torque_command')
+        self.states = probe.subscribe('controller_state')
+        self.estimates = probe.publisher('slip_estimate')
+        self.requests = probe.publisher('torque_request')
+
+    def request(self, effort, names=WHEELS):
+        self.requests.publish(JointState(name=list(names), effort=[float(e) for e in effort]))
+
+    def send_slip(self, slips, valid=True, rim=2.0, names=WHEELS):
+        message = SlipEstimate(wheel_names=list(names))
+        to_stamp(message.header.stamp, self.t)
+        message.slip = [float(entry) for entry in slips]
+        message.valid = [valid] * len(message.slip)
+        message.wheel_based_speed = [rim] * len(message.slip)
+        self.estimates.publish(message)
+
+    def step(self, slip, **estimate):
+        """Advance by 10 ms; returns command and state of that instant."""
+        self.t += 0.01
+        count = len(self.commands), len(self.states)
+        self.send_slip([slip] * 4, **estimate)
+        self.probe.wait_for(
+            lambda: len(self.commands) > count[0] and len(self.states) > count[1],
+            5.0, 'wheel_torque_command',
+        )  # fmt: skip
+        return self.commands[-1], self.states[-1]
+
+    def ask(self, torque):
+        """Request a torque until the controller has heard it."""
+
+        def heard():
+            self.request([torque] * 4)
+            return list(self.step(0.05)[1].torque_request) == [torque] * 4
+
+        self.probe.wait_for(heard, 5.0, f'request of {torque} N·m')
+
+    def run(self, steps, slip, torque):
+        for _ in range(steps):
+            self.request([torque] * 4)
+            answer = self.step(slip)
+        return answer
+
+
+@pytest.fixture(scope='module')
+def field():
+    """Probe of an active controller in a namespace, as other tests start their own."""
+    with controller('field', autostart=True), Probe('field') as probe:
+        probe.diagnostics(f'field/{NODE}')
+        probe.wait_for_diagnostic(f'field/{NODE}', 'waiting for slip_estimate')
+        yield probe
+
+
+@pytest.fixture
+def tractor(field):
+    """From a new activation on, in mode limit at a target of 0.2."""
+    assert field.change_state(NODE, 'deactivate')
+    assert field.set_parameter(NODE, 'mode', 'limit') == ''
+    assert field.set_parameter(NODE, 'slip_target', 0.5) == ''
+    assert field.set_parameter(NODE, 'slip_target', 0.2) == ''
+    assert field.change_state(NODE, 'activate')
+    return Tractor(field)
+
+
+def test_no_request_no_torque(tractor, field):
+    command, state = tractor.step(0.1)
+    assert list(command.name) == WHEELS
+    assert list(command.effort) == [0.0] * 4
+    assert list(state.exit_reason) == [ExitReason.NO_REQUEST] * 4
+    status = field.wait_for_diagnostic(f'field/{NODE}', 'no torque_request: commanding no torque')
+    assert status.level == bytes([diagnostic.WARN])
+
+
+def test_request_passes_while_slip_is_low(tractor):
+    tractor.ask(3000.0)
+    command, state = tractor.run(100, 0.05, 3000.0)
+    assert list(command.effort) == [3000.0] * 4
+    assert seconds(command.header.stamp) == pytest.approx(tractor.t)
+    assert state.mode == Mode.LIMIT
+    assert state.slip_target == 0.2
+    assert list(state.limit_status) == [LimitStatus.OPERATOR_LIMITED] * 4
+    assert list(state.torque_command) == list(command.effort)
+    assert list(state.slip) == pytest.approx([0.05] * 4)
+    assert all(gain > 0 for gain in (*state.slip_gain, *state.integral_gain))
+
+
+def test_slip_above_target_takes_torque_away(tractor):
+    tractor.ask(3000.0)
+    tractor.run(100, 0.05, 3000.0)
+    command, state = tractor.run(20, 0.4, 3000.0)
+    assert max(command.effort) < 3000.0
+    assert set(state.exit_reason) == {ExitReason.NONE}
+
+
+def test_one_entry_for_all_wheels_and_any_order(tractor, field):
+    def heard(names, effort, expected):
+        tractor.request(effort, names)
+        return list(tractor.step(0.05)[1].torque_request) == expected
+
+    field.wait_for(lambda: heard([], [700.0], [700.0] * 4), 5.0, 'request for all')
+    field.wait_for(
+        lambda: heard(['rr', 'rl', 'fr', 'fl'], [4, 3, 2, 1], [1.0, 2.0, 3.0, 4.0]),
+        5.0, 'request by name',
+    )  # fmt: skip
+
+
+def test_silent_request_counts_as_zero(tractor, field):
+    tractor.ask(3000.0)
+    assert max(tractor.run(100, 0.05, 3000.0)[0].effort) == 3000.0
+
+    # request_timeout is 0.5 s of real time.
+    def silent():
+        command, state = tractor.step(0.05)
+        return list(command.effort) == [0.0] * 4 and set(state.exit_reason)
+
+    assert field.wait_for(silent, 2.0, 'zero torque') == {ExitReason.NO_REQUEST}
+    tractor.ask(2000.0)
+
+
+def test_slip_not_valid_or_too_slow_passes_the_request(tractor):
+    tractor.ask(1000.0)
+    tractor.request([1000.0] * 4)
+    command, state = tractor.step(0.9, valid=False)
+    assert list(command.effort) == [1000.0] * 4
+    assert list(state.exit_reason) == [ExitReason.SLIP_NOT_AVAILABLE] * 4
+    assert list(state.limit_status) == [LimitStatus.NOT_AVAILABLE] * 4
+    command, state = tractor.step(0.9, rim=0.1)
+    assert list(command.effort) == [1000.0] * 4
+    assert list(state.exit_reason) == [ExitReason.SPEED_TOO_LOW] * 4
+
+
+def test_mode_switches_at_run_time_without_a_bump(tractor, field):
+    tractor.ask(3000.0)
+    before, _ = tractor.run(100, 0.05, 3000.0)
+    assert field.set_parameter(NODE, 'mode', 'hold') == ''
+    tractor.request([3000.0] * 4)
+    # Slip 0.2 off its target by 0.15: in one step only the integral acts.
+    command, state = tractor.step(0.05)
+    assert state.mode == Mode.HOLD
+    moved = [gain * 0.15 * 0.01 for gain in state.integral_gain]
+    assert list(command.effort) == pytest.approx(
+        [torque + step for torque, step in zip(before.effort, moved, strict=True)], rel=1e-6
+    )
+    # In hold it may exceed the request.
+    command, _ = tractor.run(100, 0.05, 3000.0)
+    assert min(command.effort) > 3000.0
+    assert field.set_parameter(NODE, 'mode', 'limit') == ''
+    tractor.request([3000.0] * 4)
+    assert max(tractor.step(0.05)[0].effort) <= 3000.0
+
+
+def test_target_by_topic_and_by_parameter(tractor, field):
+    target = field.publisher('slip_target')
+    target.publish(Float64(data=0.12))
+    field.wait_for(lambda: tractor.step(0.05)[1].slip_target == 0.12, 5.0, 'target by topic')
+    # Another parameter leaves it; its own takes over.
+    assert field.set_parameter(NODE, 'request_timeout', 0.6) == ''
+    assert tractor.step(0.05)[1].slip_target == 0.12
+    assert field.set_parameter(NODE, 'slip_target', 0.15) == ''
+    assert tractor.step(0.05)[1].slip_target == 0.15
+    assert field.set_parameter(NODE, 'request_timeout', 0.5) == ''
+
+
+def test_stiffer_soil_changes_the_gains(tractor, field):
+    terrain = field.publisher('terrain_estimate')
+    first = list(tractor.step(0.1)[1].slip_gain)
+
+    def changed():
+        terrain.publish(TerrainEstimate(wheel_names=WHEELS, slip_stiffness=[5e3] * 4))
+        return list(tractor.step(0.1)[1].slip_gain) != first
+
+    field.wait_for(changed, 5.0, 'other gains')
+
+
+def bad_target(tractor, field):
+    field.publisher('slip_target').publish(Float64(data=1.5))
+
+
+def bad_terrain(tractor, field):
+    message = TerrainEstimate(wheel_names=WHEELS, slip_stiffness=[1e4, math.nan, 1e4, 1e4])
+    field.publisher('terrain_estimate').publish(message)
+
+
+@pytest.mark.parametrize(
+    ('send', 'reason'),
+    [
+        (lambda t, f: t.request([1.0, math.nan, 1.0, 1.0]),
+         "torque_request effort of joint 'fr' is nan"),
+        (lambda t, f: t.request([1.0] * 3, WHEELS[:3]),
+         "torque_request effort: joint 'rr' is missing"),
+        (lambda t, f: t.request([1.0, 2.0]), 'torque_request effort: 2 values for 4 joints'),
+        (lambda t, f: t.send_slip([math.nan] * 4), "slip_estimate slip of joint 'fl' is nan"),
+        (lambda t, f: t.send_slip([0.1] * 3), 'slip_estimate slip: 3 values for 4 joints'),
+        (bad_target, 'slip target must be above 0 and at most 0.9, got 1.5'),
+        (bad_terrain, "terrain_estimate slip_stiffness of joint 'fr' is nan"),
+    ],
+)  # fmt: skip
+def test_bad_message_is_named_and_passed_over(tractor, field, send, reason):
+    tractor.ask(2000.0)
+    before = len(tractor.commands)
+    seen = len(field.diagnostics(f'field/{NODE}'))
+
+    def named():
+        news = field.diagnostics(f'field/{NODE}')[seen:]
+        return [status for status in news if reason in status.message]
+
+    send(tractor, field)
+    status = field.wait_for(named, 5.0, f'"{reason}" in the diagnostics')[-1]
+    assert status.level == bytes([diagnostic.ERROR])
+    assert len(tractor.commands) == before
+    # What was heard before still holds.
+    tractor.request([2000.0] * 4)
+    command, state = tractor.run(5, 0.05, 2000.0)
+    assert all(math.isfinite(torque) for torque in command.effort)
+    assert list(state.torque_request) == [2000.0] * 4
+
+
+@pytest.mark.parametrize(
+    ('name', 'value', 'reason'),
+    [
+        ('mode', 'hodl', 'parameter "mode" = \'hodl\' is not one of limit, hold'),
+        ('slip_target', 1.5, 'parameter "slip_target" = 1.5 is out of range: 0.01 .. 0.9'),
+        ('hold_torque', 500.0, 'parameter "hold_torque" cannot change while the node runs'),
+        ('request_timeout', 0.0, '"request_timeout" = 0.0 s is out of range: 0.05 .. 10 s'),
+    ],
+)
+def test_parameter_refused_at_run_time(field, name, value, reason):
+    assert reason in field.set_parameter(NODE, name, value)
+
+
+@pytest.mark.parametrize(
+    ('params', 'reason'),
+    [
+        ({'vehicle': 'tractor_2wd'}, "unknown vehicle 'tractor_2wd'; did you mean 'tractor_4wd'?"),
+        ({'mode': 'hodl'}, 'parameter "mode" = \'hodl\' is not one of limit, hold'),
+        ({'slip_target': 0.0}, 'parameter "slip_target" = 0.0 is out of range: 0.01 .. 0.9'),
+        ({'slip_targt': 0.1}, 'there is no parameter "slip_targt"; did you mean "slip_target"?'),
+    ],
+)
+def test_bad_parameter_ends_the_start_with_one_line(params, reason):
+    with controller(**params) as node:
+        assert node.wait() == 2
+        assert node.output == f'{NODE}: {reason}\n'
+
+
+def test_lifecycle_by_service():
+    with Probe() as probe, controller() as node:
+        assert probe.state(NODE) == 'unconfigured'
+        assert probe.change_state(NODE, 'configure')
+        tractor = Tractor(probe)
+        tractor.send_slip([0.1] * 4)
+        probe.run_for(0.2)  # twenty periods of slip_estimate
+        assert tractor.commands == []
+        assert probe.change_state(NODE, 'activate')
+        tractor.ask(1000.0)
+        assert probe.change_state(NODE, 'deactivate')
+        assert probe.change_state(NODE, 'activate')
+        # The request of before is forgotten.
+        assert list(tractor.step(0.05)[0].effort) == [0.0] * 4
+        assert probe.change_state(NODE, 'deactivate')
+        assert probe.change_state(NODE, 'cleanup')
+        assert probe.state(NODE) == 'unconfigured'
+        assert node.interrupt() == 0
+        assert 'Traceback' not in node.output
