@@ -113,7 +113,7 @@ class GainSchedule:
     stiffnesses : ndarray, shape (q,)
         Grid of slip stiffnesses, N, increasing.
     gains : ndarray, shape (p, q, 3)
-        Gains at the grid points, as `lqi_gains` gives them.
+        Gains at the grid points in the units of `lqi_gains`.
     """
 
     def __init__(

@@ -94,7 +94,7 @@ def predict(x, p, impulse, mass, q_speed, q_resistance, q_strength, dt):
     x : ndarray, shape (2 + n,)
         State: m/s, N, ln(Pa).
     p : ndarray, shape (2 + n, 2 + n)
-        Its covariance.
+        Its covariance, in products of these units.
     impulse : float
         Thrust of all wheels over the time, N*s.
     mass : float
@@ -125,7 +125,7 @@ def forget(p, entry, variance):
     Parameters
     ----------
     p : ndarray, shape (m, m)
-        Covariance.
+        Covariance, in products of the state's units.
     entry : int
         Index of the entry.
     variance : float
@@ -143,17 +143,17 @@ def take_in(x, p, h, gain, innovation, variance):
     Parameters
     ----------
     x : ndarray, shape (m,)
-        State.
+        State, each entry in its own unit.
     p : ndarray, shape (m, m)
-        Its covariance.
+        Its covariance, in products of these units.
     h : ndarray, shape (m,)
-        Derivative of the measurement with respect to the state.
+        Derivative of the measurement with respect to the state, in their units.
     gain : ndarray, shape (m,)
-        Change of state per innovation.
+        Change of state per innovation, in their units.
     innovation : float
-        Measured minus expected value.
+        Measured minus expected value, in the measurement's unit.
     variance : float
-        Variance of the measurement, above 0.
+        Variance of the measurement, in the square of its unit, above 0.
     """
     x += gain * innovation
     left = np.eye(x.size) - np.outer(gain, h)
@@ -198,7 +198,7 @@ def update_thrusts(x, p, omega, thrust, wheels, variances, slip_deviation, least
     x : ndarray, shape (2 + n,)
         State: m/s, N, ln(Pa).
     p : ndarray, shape (2 + n, 2 + n)
-        Its covariance.
+        Its covariance, in products of these units.
     omega : ndarray, shape (n,)
         Wheel speeds, rad/s.
     thrust : ndarray, shape (n,)

@@ -249,7 +249,7 @@ def rk4(t, dt, y, torque, torque_next, given, given_next, model, forces):
     t, dt : float
         Time at the start of the step and its length, s.
     y : ndarray, shape (2 + 3n,)
-        State, see `derivative`.
+        State in SI units, see `derivative`.
     torque, torque_next : ndarray, shape (n,)
         Drive torque at the start and end of the step, N*m.
     given, given_next : ndarray, shape (n,)
@@ -287,7 +287,7 @@ def steps_for(dt, y, model, forces):
     dt : float
         Time to advance, s.
     y : ndarray, shape (2 + 3n,)
-        State, see `derivative`.
+        State in SI units, see `derivative`.
     model : Model
         What does not change, SI units.
     forces : ndarray, shape (n, 6)
@@ -324,7 +324,7 @@ def advance(t, dt, y, torque, torque_next, given, given_next, model, forces):
     t, dt : float
         Time at the start and how far to advance, s.
     y : ndarray, shape (2 + 3n,)
-        State, see `derivative`.
+        State in SI units, see `derivative`.
     torque, torque_next : ndarray, shape (n,)
         Drive torque at the start and end, N*m; linear in between.
     given, given_next : ndarray, shape (n,)

@@ -31,7 +31,7 @@ class Parameter:
     unit : str
         Unit in SI notation such as 'N*m', empty for a number without one.
     minimum, maximum : float or None
-        Inclusive range of the value, or of every entry of a list.
+        Inclusive range of the value, or of every entry of a list, in `unit`.
     choices : tuple
         The only values allowed; empty if every one is.
     read_only : bool
