@@ -204,7 +204,7 @@ def update_thrusts(x, p, omega, thrust, wheels, variances, slip_deviation, least
     thrust : ndarray, shape (n,)
         Thrust from shaft torque, N.
     wheels : ndarray, shape (n, 5)
-        r, J, b_f, A, l/K of each wheel.
+        r, J, b_f, A, l/K of each wheel, SI units.
     variances : ndarray, shape (n,)
         Variance of each thrust, N^2.
     slip_deviation : float
