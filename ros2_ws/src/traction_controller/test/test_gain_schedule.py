@@ -11,7 +11,7 @@ from traction_model.vehicle import GRAVITY, load_vehicle
 REAR = load_vehicle('tractor_4wd').wheels[3]
 LOAD = 13979.25  # N, see traction_model/test/test_vehicle.py
 LAG, DT = 0.1, 0.01
-WEIGHTS = ControlWeights()
+WEIGHTS = ControlWeights(slip=0.05, integral_time=0.5, torque=0.3)
 
 
 @pytest.fixture(scope='module')
