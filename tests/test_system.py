@@ -138,7 +138,7 @@ def test_a_killed_estimator_stops_the_tractor_and_a_new_one_lets_it_drive_on(run
     with NodeProcess(
         executable(spec.package, spec.executable),
         params=dict(spec.parameters),
-        params_file=spec.parameter_file,
+        params_files=spec.parameter_files,
     ):
         probe.wait_for(lambda: max(torques[-1][1]) > 100.0, 20.0, 'torque again')
         probe.wait_for(
@@ -159,7 +159,7 @@ def test_a_request_that_stops_takes_the_torque_away(running):
     with NodeProcess(
         executable(spec.package, spec.executable),
         params=dict(spec.parameters),
-        params_file=spec.parameter_file,
+        params_files=spec.parameter_files,
     ):
         probe.wait_for(lambda: torques and max(torques[-1].effort) > 100.0, 20.0, 'torque')
         assert running.processes['drive_cycle'].interrupt() == 0

@@ -1,6 +1,6 @@
 """Launch the whole suite with a simulated tractor and a drive cycle.
 
-ros2 launch traction_bringup simulation.launch.py [controlled:=false] [bag:=FOLDER]
+ros2 launch traction_bringup simulation.launch.py [controlled:=false] [bag:=FOLDER] ...
 """
 
 from launch import LaunchDescription
@@ -16,6 +16,7 @@ def _nodes(context):
         controlled=LaunchConfiguration('controlled').perform(context).lower() == 'true',
         bag=LaunchConfiguration('bag').perform(context),
         namespace=LaunchConfiguration('namespace').perform(context),
+        parameter_file=LaunchConfiguration('parameters').perform(context),
     )
 
 
@@ -31,6 +32,9 @@ def generate_launch_description():
                 'bag', default_value='', description='folder to record all topics into'
             ),
             DeclareLaunchArgument('namespace', default_value='', description='of all nodes'),
+            DeclareLaunchArgument(
+                'parameters', default_value='', description='YAML of parameters of your own'
+            ),
             OpaqueFunction(function=_nodes),
         ]
     )  # fmt: skip

@@ -1,6 +1,6 @@
 """Launch estimator, controller and gate for a tractor whose topics come from elsewhere.
 
-ros2 launch traction_bringup traction.launch.py [bag:=FOLDER] [namespace:=NAME]
+ros2 launch traction_bringup traction.launch.py [parameters:=FILE] [bag:=FOLDER] [namespace:=NAME]
 """
 
 from launch import LaunchDescription
@@ -15,6 +15,8 @@ def _nodes(context):
         simulated=False,
         bag=LaunchConfiguration('bag').perform(context),
         namespace=LaunchConfiguration('namespace').perform(context),
+        parameter_file=LaunchConfiguration('parameters').perform(context),
+        autostart=LaunchConfiguration('autostart').perform(context).lower() == 'true',
     )
 
 
@@ -26,6 +28,15 @@ def generate_launch_description():
                 'bag', default_value='', description='folder to record all topics into'
             ),
             DeclareLaunchArgument('namespace', default_value='', description='of all nodes'),
+            DeclareLaunchArgument(
+                'parameters', default_value='', description='YAML of parameters of your own'
+            ),
+            DeclareLaunchArgument(
+                'autostart',
+                default_value='true',
+                choices=['true', 'false'],
+                description='configure and activate the nodes',
+            ),
             OpaqueFunction(function=_nodes),
         ]
     )

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from rcl_interfaces.srv import GetParameters
 
 from traction_bringup.runner import NodeEndedError, RunningSystem
 from traction_bringup.system import NodeSpec, system
@@ -18,8 +19,8 @@ LAUNCH = Path(__file__).parents[1] / 'launch'
 def test_every_node_has_an_executable_and_a_parameter_file_that_names_it():
     for node in system(simulated=True, bag='bag'):
         assert executable(node.package, node.executable).is_file()
-        if node.parameter_file is not None:
-            [key] = yaml.safe_load(node.parameter_file.read_text(encoding='utf-8'))
+        for file in node.parameter_files:
+            [key] = yaml.safe_load(file.read_text(encoding='utf-8'))
             # With any namespace, and found under the name that the system gives the node.
             assert key == f'/**/{node.name}'
 
@@ -43,6 +44,28 @@ def test_parameters_go_to_their_node_and_a_wrong_name_is_refused():
     assert nodes['plant_node'].parameters == {'seed': 7}
     with pytest.raises(ValueError, match='no node plant'):
         system(simulated=True, parameters={'plant': {'seed': 7}})
+
+
+def test_ones_own_file_overrules_the_shipped_ones(tmp_path):
+    own = tmp_path / 'own.yaml'
+    own.write_text('/**/slip_estimator:\n  ros__parameters:\n    soil: lete_sand\n')
+    for node in system(simulated=False, autostart=False, parameter_file=own):
+        assert node.parameter_files[-1] == own
+        assert node.parameters == {'autostart': False}
+    with RunningSystem(
+        [
+            node
+            for node in system(simulated=False, parameter_file=own)
+            if node.name == 'slip_estimator'
+        ]
+    ) as running:
+        assert 'cannot change' in running.probe.set_parameter('slip_estimator', 'soil', 'dry_sand')
+        request = GetParameters.Request(names=['soil', 'vehicle'])
+        values = running.probe.call(GetParameters, 'slip_estimator/get_parameters', request).values
+    # The shipped file still gives what one's own does not.
+    assert [value.string_value for value in values] == ['lete_sand', 'tractor_4wd']
+    with pytest.raises(ValueError, match='no such parameter file'):
+        system(simulated=False, parameter_file=tmp_path / 'nowhere.yaml')
 
 
 def test_a_node_that_ends_at_start_is_named_with_what_it_said():
@@ -92,4 +115,7 @@ def test_launch_files_start_the_same_nodes_as_the_runner(launch_modules, file):
     for action, node in zip(actions, expected, strict=True):
         assert action.kwargs['package'] == node.package
         assert action.kwargs['namespace'] == 'second'
-        assert action.kwargs['parameters'] == [str(node.parameter_file), dict(node.parameters)]
+        assert action.kwargs['parameters'] == [
+            *map(str, node.parameter_files),
+            dict(node.parameters),
+        ]

@@ -27,7 +27,7 @@ def actions(*, namespace: str = '', **choices):
             name=node.name,
             namespace=namespace,
             parameters=[
-                *([str(node.parameter_file)] if node.parameter_file else []),
+                *map(str, node.parameter_files),
                 dict(node.parameters),
             ],
             remappings=list(node.remappings.items()),

@@ -18,9 +18,14 @@ class NodeEndedError(RuntimeError):
 
 
 def keep_local() -> None:
-    """Give this process and its children a ROS domain of their own on this machine only."""
+    """Give this process and its children a ROS domain of their own on this machine only.
+
+    Not that of the environment: a tractor may be listening there.
+    """
+    taken = os.environ.get('ROS_DOMAIN_ID', '0')
     # Domains 1..101 are those whose ports Linux gives to no other programme.
-    os.environ.setdefault('ROS_DOMAIN_ID', str(random.SystemRandom().randint(1, 101)))
+    free = [str(domain) for domain in range(1, 102) if str(domain) != taken]
+    os.environ['ROS_DOMAIN_ID'] = random.SystemRandom().choice(free)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     # Shared memory would leave files behind whenever a node is killed.
     os.environ.setdefault('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')
@@ -71,7 +76,7 @@ class RunningSystem:
             NodeProcess(
                 executable(node.package, node.executable),
                 params=dict(node.parameters),
-                params_file=node.parameter_file,
+                params_files=node.parameter_files,
                 remaps=dict(node.remappings),
                 quiet=True,
             )

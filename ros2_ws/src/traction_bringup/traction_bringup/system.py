@@ -18,10 +18,10 @@ class NodeSpec:
         What `ros2 run` would be told.
     name : str
         Name of the node.
-    parameter_file : Path or None
-        Its parameters, SI units.
+    parameter_files : tuple of Path
+        Its parameters, SI units; a later file overrules an earlier one.
     parameters : dict
-        What differs from that file.
+        What differs from those files.
     remappings : dict of str to str
         Topic names, from and to.
     lifecycle : bool
@@ -31,7 +31,7 @@ class NodeSpec:
     package: str
     executable: str
     name: str
-    parameter_file: Path | None = None
+    parameter_files: tuple[Path, ...] = ()
     parameters: Mapping[str, Any] = field(default_factory=dict)
     remappings: Mapping[str, str] = field(default_factory=dict)
     lifecycle: bool = False
@@ -58,6 +58,8 @@ def system(
     simulated: bool,
     controlled: bool = True,
     bag: Path | str = '',
+    autostart: bool = True,
+    parameter_file: Path | str = '',
     parameters: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> list[NodeSpec]:
     """Describe the suite's nodes in the order in which to start them.
@@ -70,6 +72,11 @@ def system(
         With the slip controller; without, the drive cycle commands the gate directly.
     bag : Path or str
         Folder to record all topics into; empty for none.
+    autostart : bool
+        Lifecycle nodes configure and activate by themselves.
+    parameter_file : Path or str
+        YAML file with parameters of one's own vehicle, for any of the nodes; overrules the
+        files that come with the packages. Empty for none.
     parameters : mapping of str to mapping, optional
         Parameters by node name that differ from the files.
 
@@ -81,12 +88,20 @@ def system(
     Raises
     ------
     ValueError
-        If `parameters` names a node that is not part of the system.
+        If `parameters` names a node that is not part of the system, or `parameter_file` is
+        not there.
     """
+
+    own = (Path(parameter_file),) if parameter_file else ()
+    if own and not own[0].is_file():
+        raise ValueError(f'{parameter_file}: no such parameter file')
+
+    def files(package: str, name: str) -> tuple[Path, ...]:
+        return (config(package, name), *own)
 
     def lifecycle(package: str, name: str) -> NodeSpec:
         return NodeSpec(
-            package, name, name, config(package, f'{name}.yaml'), {'autostart': True},
+            package, name, name, files(package, f'{name}.yaml'), {'autostart': autostart},
             lifecycle=True,
         )  # fmt: skip
 
@@ -100,7 +115,7 @@ def system(
                 'traction_model',
                 'plant_node',
                 'plant_node',
-                config('traction_model', 'plant.yaml'),
+                files('traction_model', 'plant.yaml'),
             )
         )
     if bag:
@@ -114,7 +129,7 @@ def system(
                 'traction_bringup',
                 'drive_cycle',
                 'drive_cycle',
-                config('traction_bringup', 'drive_cycle.yaml'),
+                files('traction_bringup', 'drive_cycle.yaml'),
                 # Who acts on the request, and the recorder.
                 {'listeners': 2 if bag else 1},
                 direct,

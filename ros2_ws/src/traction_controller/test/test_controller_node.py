@@ -147,11 +147,13 @@ def test_silent_request_counts_as_zero(tractor, field):
 
 def test_slip_not_valid_or_too_slow_passes_the_request(tractor):
     tractor.ask(1000.0)
-    tractor.request([1000.0] * 4)
-    command, state = tractor.step(0.9, valid=False)
+    # Given back over half a second, 50 steps, and in full from then on.
+    for _ in range(51):
+        tractor.request([1000.0] * 4)
+        command, state = tractor.step(0.9, valid=False)
+        assert list(state.exit_reason) == [ExitReason.SLIP_NOT_AVAILABLE] * 4
+        assert list(state.limit_status) == [LimitStatus.NOT_AVAILABLE] * 4
     assert list(command.effort) == [1000.0] * 4
-    assert list(state.exit_reason) == [ExitReason.SLIP_NOT_AVAILABLE] * 4
-    assert list(state.limit_status) == [LimitStatus.NOT_AVAILABLE] * 4
     command, state = tractor.step(0.9, rim=0.1)
     assert list(command.effort) == [1000.0] * 4
     assert list(state.exit_reason) == [ExitReason.SPEED_TOO_LOW] * 4
@@ -219,7 +221,7 @@ def bad_terrain(tractor, field):
         (lambda t, f: t.request([1.0, 2.0]), 'torque_request effort: 2 values for 4 joints'),
         (lambda t, f: t.send_slip([math.nan] * 4), "slip_estimate slip of joint 'fl' is nan"),
         (lambda t, f: t.send_slip([0.1] * 3), 'slip_estimate slip: 3 values for 4 joints'),
-        (bad_target, 'slip target must be above 0 and at most 0.9, got 1.5'),
+        (bad_target, 'slip target must be 0.01 to 0.9, got 1.5'),
         (bad_terrain, "terrain_estimate slip_stiffness of joint 'fr' is nan"),
     ],
 )  # fmt: skip

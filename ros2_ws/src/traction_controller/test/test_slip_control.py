@@ -31,14 +31,14 @@ def control():
     return CONTROL
 
 
-def step(control, slips, requests, *, valid=True, rims=2.0, shaft=0.0, dt=DT):
+def step(control, slips, requests, *, valid=True, rims=2.0, speed=0.0, shaft=0.0, dt=DT):
     """One step with the same value for all four wheels where only one is given."""
 
     def each(value):
         return [value] * 4 if np.ndim(value) == 0 else list(value)
 
     return control.step(
-        dt, each(slips), each(valid), each(rims), STIFFNESS, each(shaft),
+        dt, each(slips), each(valid), each(rims), speed, STIFFNESS, each(shaft),
         None if requests is None else each(requests),
     )  # fmt: skip
 
@@ -236,6 +236,51 @@ def test_exit_reasons(control, arguments, reason, torque):
         assert outcome.torque == torque
 
 
+@pytest.mark.parametrize('rim', [0.0, -1.0])
+def test_a_wheel_that_locks_or_turns_backwards_under_braking_is_let_go(control, rim):
+    # At 5 m/s slip is -1 whether the wheel stands or turns against the motion.
+    torque = -6000.0
+    for _ in range(50):
+        outcomes = step(control, -1.0, -6000.0, rims=rim, speed=5.0, shaft=torque)
+        torque = outcomes[0].torque
+    assert outcomes[0].exit_reason is ExitReason.NONE
+    assert torque == 0.0
+
+
+def test_leaving_control_at_low_speed_gives_the_request_back_bit_by_bit(control):
+    for _ in range(100):
+        step(control, 0.6, 3000.0, rims=0.5, shaft=0.0)
+    before = step(control, 0.6, 3000.0, rims=0.5)[0].torque
+    assert before == 0.0
+    torques = []
+    for _ in range(51):
+        outcome = step(control, 0.6, 3000.0, rims=0.2)[0]
+        assert outcome.exit_reason is ExitReason.SPEED_TOO_LOW
+        torques.append(outcome.torque)
+    # The share of what is missing grows by 10 ms / 0.5 s a step: 2 % of 3000 N·m at first.
+    assert torques[0] == pytest.approx(60.0)
+    assert torques == sorted(torques)
+    assert torques[-1] == 3000.0
+    # Less torque is never held back.
+    assert step(control, 0.6, 10.0, rims=0.2)[0].torque == 10.0
+
+
+def test_hold_gives_no_torque_without_a_request(control):
+    control.mode = Mode.HOLD
+    for _ in range(100):
+        outcomes = step(control, 0.0, 0.0)
+    assert [outcome.torque for outcome in outcomes] == [0.0] * 4
+
+
+def test_hold_torque_of_each_wheel():
+    control = SlipControl(RIG, 0.2, Mode.HOLD, hold_torque=[700.0])
+    for _ in range(200):
+        [outcome] = control.step(DT, [0.0], [True], [2.0], 2.0, [2e4], [0.0], [1.0])
+    assert outcome.torque == 700.0
+    with pytest.raises(ValueError, match='hold_torque has 2 entries for 1 wheels'):
+        SlipControl(RIG, 0.2, hold_torque=[700.0, 800.0])
+
+
 def test_slip_control_takes_over_from_what_was_passed(control):
     step(control, 0.9, 3000.0, valid=False)
     outcomes = step(control, 0.2, 3000.0)
@@ -274,7 +319,7 @@ def test_slip_on_a_soft_patch_stays_at_its_target(mode):
     errors, entered = [], None
     for _ in range(2000):
         outcomes = control.step(
-            DT, plant.slip, plant.slip_valid, plant.rim_speed.tolist(),
+            DT, plant.slip, plant.slip_valid, plant.rim_speed.tolist(), plant.v,
             stiffnesses(plant, terrain), plant.shaft_torque.tolist(),
             (request * min(1.0, plant.t / 3.0)).tolist(),
         )  # fmt: skip
@@ -291,7 +336,7 @@ def test_slip_on_a_soft_patch_stays_at_its_target(mode):
 
 @pytest.mark.parametrize('target', [0.0, -0.1, 0.95, math.nan])
 def test_target_refused(control, target):
-    with pytest.raises(ValueError, match=r'slip target must be above 0 and at most 0\.9, got'):
+    with pytest.raises(ValueError, match=r'slip target must be 0\.01 to 0\.9, got'):
         control.set_target(target)
     assert control.slip_target == 0.2
 

@@ -5,7 +5,6 @@ import time
 from traction_controller.gain_schedule import ControlWeights
 from traction_controller.slip_control import Mode, SlipControl
 from traction_interfaces.msg import ControllerState
-from traction_model.definition import DefinitionError
 from traction_model.vehicle import load_vehicle
 from traction_node import diagnostic
 from traction_node.joints import JointOrder
@@ -31,20 +30,20 @@ class SlipControllerNode(TractionLifecycleNode):
         ),
         Parameter(
             'slip_target', 0.2, 'slip to limit or hold, until one comes on the topic slip_target',
-            '', 0.01, 0.9,
+            '', SlipControl.LEAST_TARGET, SlipControl.MOST_TARGET,
         ),
         Parameter(
             'request_timeout', 0.5, 'silence of torque_request after which it counts as zero',
             's', 0.05, 10.0,
         ),
-        Parameter('hold_torque', 10000.0, 'largest torque of a wheel in hold', 'N·m', 1.0,
-                  read_only=True),
+        Parameter('hold_torque', [10000.0], 'largest torque in hold of each wheel, or of all: '
+                  'what the gate lets through', 'N·m', 1.0, read_only=True),
         Parameter('rate', 100.0, 'nominal rate of slip_estimate', 'Hz', 10.0, 1000.0,
                   read_only=True),
         Parameter('torque_time_constant', 0.1, 'lag of shaft behind commanded torque', 's', 0.005,
                   2.0, read_only=True),
-        Parameter('least_speed', 0.3, 'rim speed below which slip is not acted on', 'm/s', 0.05,
-                  2.0, read_only=True),
+        Parameter('least_speed', 0.3, 'speed of rim and vehicle below which slip is not acted on',
+                  'm/s', 0.05, 2.0, read_only=True),
         Parameter('weight_slip', _WEIGHTS.slip, 'slip error that weighs as much as weight_torque',
                   '', 1e-3, 1.0, read_only=True),
         Parameter('weight_integral_time', _WEIGHTS.integral_time, 'time after which a lasting '
@@ -54,20 +53,19 @@ class SlipControllerNode(TractionLifecycleNode):
     )  # fmt: skip
 
     def check_parameters(self, p):
-        """Refuse a vehicle that cannot be loaded."""
-        try:
-            load_vehicle(p.vehicle)
-        except DefinitionError as error:
-            raise ValueError(str(error)) from error
+        """Refuse a vehicle that cannot be loaded, or torques that do not fit it."""
+        wheels = len(load_vehicle(p.vehicle).wheels)
+        if len(p.hold_torque) not in (1, wheels):
+            raise ValueError(f'hold_torque has {len(p.hold_torque)} entries for {wheels} wheels')
 
-    def parameters_changed(self, p):
+    def parameters_changed(self, p, names):
         """Take over mode and target; the command goes on from where it is."""
-        if self._control is not None:
-            self._control.mode = Mode[p.mode.upper()]
-            # A target that came by topic stands until the parameter itself changes.
-            if p.slip_target != self._target_parameter:
-                self._control.set_target(p.slip_target)
-        self._target_parameter = p.slip_target
+        if self._control is None:
+            return
+        self._control.mode = Mode[p.mode.upper()]
+        # A target that came by topic stands until the parameter is set.
+        if 'slip_target' in names:
+            self._control.set_target(p.slip_target)
 
     def __init__(self, **kwargs):
         self._control = None
@@ -77,7 +75,6 @@ class SlipControllerNode(TractionLifecycleNode):
         """Compute the gain schedule and build the messages."""
         p = self.p
         vehicle = load_vehicle(p.vehicle)
-        self._target_parameter = p.slip_target
         self._control = SlipControl(
             vehicle,
             p.slip_target,
@@ -160,8 +157,8 @@ class SlipControllerNode(TractionLifecycleNode):
 
     def _on_request(self, message):
         names, efforts = message.name, message.effort
-        if len(efforts) == 1 and len(names) <= 1:
-            # One entry for all wheels.
+        if len(efforts) == 1 and not names:
+            # One entry without a name: for all wheels.
             names, efforts = self._command.name, list(efforts) * self._control.n_wheels
         request = self._take('torque_request effort', names, efforts)
         if request is not None:
@@ -194,7 +191,14 @@ class SlipControllerNode(TractionLifecycleNode):
         silent = time.monotonic() - self._request_steady > self.p.request_timeout
         request = None if silent else self._request
         outcomes = control.step(
-            dt, slips, valid, rims, self._stiffness, self._shaft_torque, request
+            dt,
+            slips,
+            valid,
+            rims,
+            message.ground_based_speed,
+            self._stiffness,
+            self._shaft_torque,
+            request,
         )
         self._stamp = stamp
 

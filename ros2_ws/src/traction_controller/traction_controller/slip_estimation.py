@@ -71,7 +71,7 @@ class EstimatorNoise:
         Standard deviation of a tachometer reading, rad/s.
     """
 
-    acceleration: float = 0.35
+    acceleration: float = 0.28
     speed: float = 0.02
     strength: float = 0.04
     thrust: float = 0.04
@@ -269,6 +269,8 @@ class SlipEstimation:
         Speed of rim or vehicle below which slip is not valid, m/s, above 0.
     radar_timeout : float
         Silence after which the ground speed no longer counts as measured, s, above 0.
+    radar_variance : float
+        Variance of a radar reading that does not state one, m^2/s^2, above 0.
 
     Attributes
     ----------
@@ -284,9 +286,12 @@ class SlipEstimation:
         Thrust from shaft torque, N.
     """
 
+    # A longer time between readings of the wheels, or between wheels and radar, s, means that
+    # one of them was away or that a clock was set.
+    LONGEST_GAP = 0.5
     # Time constant of the filter that thrust is found with, s: long against the sampling
     # period, short against the soil.
-    _FILTER = 0.03
+    _FILTER = 0.06
     # Innovations beyond this many standard deviations are not believed ...
     _GATE = 5.0
     # ... unless they go on for this long, s: then it is the estimate that is wrong.
@@ -305,14 +310,20 @@ class SlipEstimation:
         noise: EstimatorNoise = EstimatorNoise(),
         least_speed: float = LEAST_SPEED,
         radar_timeout: float = 0.5,
+        radar_variance: float = 0.0025,
     ) -> None:
-        for name, value in (('least_speed', least_speed), ('radar_timeout', radar_timeout)):
+        for name, value in (
+            ('least_speed', least_speed),
+            ('radar_timeout', radar_timeout),
+            ('radar_variance', radar_variance),
+        ):
             if not (math.isfinite(value) and value > 0):
                 raise ValueError(f'{name} must be above 0, got {value}')
         self.vehicle = vehicle
         self.noise = noise
         self.least_speed = least_speed
         self.radar_timeout = radar_timeout
+        self.radar_variance = radar_variance
         self._mass = vehicle.mass
 
         loads = vehicle.static_loads()
@@ -442,20 +453,26 @@ class SlipEstimation:
         omega = self._checked('wheel speed', omega)
         torque = self._checked('shaft torque', torque)
         dt = self._elapsed(t)
+        if dt > self.LONGEST_GAP:
+            # Whatever happened meanwhile, it is not known.
+            self.reset()
+            dt = 0.0
         drive = torque - self._wheels[:, FRICTION] * omega
+        radii = self._wheels[:, RADIUS]
         if self.t is None:
             self._smooth_omega = omega.copy()
             self._smooth_drive = drive.copy()
             self._omega = omega.copy()
-            self._x[SPEED] = float(np.median(self._wheels[:, RADIUS] * omega))
-        # One and the same filter on torque and on the wheel's acceleration, so that their
-        # difference is the filtered thrust.
-        share = 1.0 - math.exp(-dt / self._FILTER)
-        acceleration = (omega - self._smooth_omega) / self._FILTER
-        self._smooth_omega += share * (omega - self._smooth_omega)
-        self._smooth_drive += share * (drive - self._smooth_drive)
-        radii = self._wheels[:, RADIUS]
-        self.thrust = (self._smooth_drive - self._wheels[:, INERTIA] * acceleration) / radii
+            self._x[SPEED] = float(np.median(radii * omega))
+            self.thrust = drive / radii
+        elif dt > 0.0:
+            # One and the same filter on torque and on the wheel's acceleration, so that their
+            # difference is the filtered thrust.
+            share = 1.0 - math.exp(-dt / self._FILTER)
+            acceleration = share / dt * (omega - self._smooth_omega)
+            self._smooth_omega += share * (omega - self._smooth_omega)
+            self._smooth_drive += share * (drive - self._smooth_drive)
+            self.thrust = (self._smooth_drive - self._wheels[:, INERTIA] * acceleration) / radii
         # The impulse needs no filter: a tachometer's errors cancel from reading to reading.
         impulse = (drive * dt - self._wheels[:, INERTIA] * (omega - self._omega)) / radii
         self._advance(t, dt, float(np.sum(impulse)))
@@ -466,14 +483,8 @@ class SlipEstimation:
             self._x, self._p, omega, self.thrust, self._wheels, self._thrust_variances,
             self.noise.slip, self.least_speed, self.source != Source.WHEEL,
         )  # fmt: skip
-        slowest = float(np.min(np.abs(self.rim_speed)))
-        if slowest < self.least_speed:
-            # Hardly any wheel drives faster than this past the ground for long; below the
-            # least speed nothing better is known.
-            rim = float(self.rim_speed[np.argmin(np.abs(self.rim_speed))])
-            self._measure_speed(rim, (0.02 + 0.5 * slowest) ** 2)
-            # At rest resistance is whatever thrust is, and says nothing about driving.
-            forget(self._p, RESISTANCE, self._unknown_resistance**2)
+        if np.max(np.abs(self.rim_speed)) < self.least_speed:
+            self._stand_still()
         self._derive()
 
     def radar(self, t: float, v: float, variance: float) -> bool:
@@ -486,31 +497,36 @@ class SlipEstimation:
         v : float
             Speed over ground, m/s, forward positive.
         variance : float
-            Its variance, m^2/s^2, above 0.
+            Its variance, m^2/s^2; 0 stands for `radar_variance`.
 
         Returns
         -------
         bool
             False where the reading was not believed: more than five standard deviations
             from what is expected. If that goes on for half a second, the estimate is given
-            up for the reading.
+            up for the reading. False too before the first reading of the wheels.
 
         Raises
         ------
         ValueError
-            If a number is not finite, or the variance not above 0; nothing is taken in.
+            If a number is not finite, the variance is negative, or the time is half a second
+            or more off that of the wheels; nothing is taken in.
         """
-        if not (math.isfinite(v) and math.isfinite(variance) and variance > 0):
+        if not math.isfinite(t):
+            raise ValueError(f'time of measurement is not finite: {t}')
+        if not (math.isfinite(v) and math.isfinite(variance) and variance >= 0):
             raise ValueError(
                 f'radar reading {v} m/s with variance {variance} m^2/s^2 is not usable'
             )
-        # A reading from before the newest tachometer reading counts as of now: the delay of
-        # a radar is short against the changes of speed of a tractor.
-        now = t if self.t is None else max(t, self.t)
-        dt = self._elapsed(now)
-        self._advance(now, dt, float(np.sum(self.thrust)) * dt)
-        expected = self.v_variance + variance
-        if (v - self.v) ** 2 > self._GATE**2 * expected:
+        if self.t is None:
+            return False
+        if abs(t - self.t) > self.LONGEST_GAP:
+            raise ValueError(f'radar reading is {t - self.t:+.3f} s off the wheels in time')
+        variance = variance or self.radar_variance
+        # It counts as of the newest reading of the wheels: the delay of a radar is short against
+        # the changes of speed of a tractor.
+        now = self.t
+        if self._unlikely(v, variance):
             if self._disbelieved_since is None:
                 self._disbelieved_since = now
             if now - self._disbelieved_since < self._LONGEST_DISBELIEF:
@@ -520,7 +536,8 @@ class SlipEstimation:
             self._doubt()
         else:
             self._surprise *= 1.0 - self._SURPRISE_SHARE
-            self._surprise += self._SURPRISE_SHARE * (v - self.v) / math.sqrt(expected)
+            expected = math.sqrt(self.v_variance + variance)
+            self._surprise += self._SURPRISE_SHARE * (v - self.v) / expected
             if abs(self._surprise) > self._SURPRISE_LIMIT:
                 # Several readings on the same side: the soil has changed.
                 self._doubt()
@@ -529,6 +546,21 @@ class SlipEstimation:
         self._radar_t = now
         self._derive()
         return True
+
+    def _stand_still(self) -> None:
+        """Below the least speed of all wheels: nothing better is known than the slowest rim."""
+        rim = float(self.rim_speed[np.argmin(np.abs(self.rim_speed))])
+        variance = (0.02 + 0.5 * abs(rim)) ** 2
+        if self.source is not Source.WHEEL and self._unlikely(rim, variance):
+            # Wheels that are locked, not a vehicle that stands.
+            return
+        self._measure_speed(rim, variance)
+        # At rest resistance is whatever thrust is, and says nothing about driving.
+        forget(self._p, RESISTANCE, self._unknown_resistance**2)
+
+    def _unlikely(self, v: float, variance: float) -> bool:
+        """Whether a measured speed is too far from the estimate to be believed."""
+        return (v - self.v) ** 2 > self._GATE**2 * (self.v_variance + variance)
 
     def _measure_speed(self, v: float, variance: float) -> None:
         h = np.zeros(len(self._x))

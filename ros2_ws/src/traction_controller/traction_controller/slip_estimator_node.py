@@ -6,7 +6,6 @@ from dataclasses import fields
 from traction_controller.odometry import PathOdometry
 from traction_controller.slip_estimation import EstimatorNoise, SlipEstimation, Source
 from traction_interfaces.msg import SlipEstimate, TerrainEstimate
-from traction_model.definition import DefinitionError
 from traction_model.soil import load_soil
 from traction_model.vehicle import load_vehicle
 from traction_node import diagnostic
@@ -72,11 +71,8 @@ class SlipEstimatorNode(TractionLifecycleNode):
 
     def check_parameters(self, p):
         """Refuse definitions that cannot be loaded."""
-        try:
-            load_vehicle(p.vehicle)
-            load_soil(p.soil)
-        except DefinitionError as error:
-            raise ValueError(str(error)) from error
+        load_vehicle(p.vehicle)
+        load_soil(p.soil)
 
     def configure(self):
         """Build the estimator and its messages."""
@@ -84,7 +80,12 @@ class SlipEstimatorNode(TractionLifecycleNode):
         vehicle = load_vehicle(p.vehicle)
         noise = {f.name: getattr(p, f'noise_{f.name}') for f in fields(EstimatorNoise)}
         self._estimation = SlipEstimation(
-            vehicle, load_soil(p.soil), EstimatorNoise(**noise), p.least_speed, p.radar_timeout
+            vehicle,
+            load_soil(p.soil),
+            EstimatorNoise(**noise),
+            p.least_speed,
+            p.radar_timeout,
+            p.radar_variance,
         )
         names = list(vehicle.wheel_names)
         self._speeds = JointOrder(names, 'wheel_states velocity')
@@ -101,13 +102,14 @@ class SlipEstimatorNode(TractionLifecycleNode):
         self._odometry_message = self._odometry_publisher.msg_type()
         self._odometry_message.header.frame_id = 'odom'
         self._odometry_message.child_frame_id = 'base_link'
+        self._odometry = PathOdometry()
         self._start_over()
         self.subscription('wheel_states', self._on_wheel_states)
         self.subscription('radar', self._on_radar)
 
     def _start_over(self):
+        """Estimate anew; the distance travelled so far stays."""
         self._estimation.reset()
-        self._odometry = PathOdometry()
         self._odometry_t = None
         self._epoch = None
         self._terrain_due = 0.0
@@ -121,10 +123,10 @@ class SlipEstimatorNode(TractionLifecycleNode):
         self.set_diagnostic(diagnostic.WARN, 'waiting for wheel_states')
 
     def _time(self, stamp):
-        """Seconds since the first message; a jump back of the clock starts everything over."""
+        """Seconds since the first reading; a clock that was set back starts everything over."""
         if self._epoch is not None:
             t = between(self._epoch, stamp)
-            if self._estimation.t is None or t > self._estimation.t - 0.5:
+            if t > self._estimation.t - SlipEstimation.LONGEST_GAP:
                 return t
             self.get_logger().warning(
                 f'time jumped back by {self._estimation.t - t:.3f} s: estimating anew'
@@ -147,8 +149,7 @@ class SlipEstimatorNode(TractionLifecycleNode):
             self._refuse('wheel_states', error)
             return
         self._refused.pop('wheel_states', None)
-        # By its own time: the estimator's has moved on with radar readings.
-        if self._odometry_t is not None:
+        if self._odometry_t is not None and t - self._odometry_t <= estimation.LONGEST_GAP:
             dt = t - self._odometry_t
             self._odometry.advance(dt, estimation.v, estimation.v_variance)
         self._odometry_t = t
@@ -179,16 +180,13 @@ class SlipEstimatorNode(TractionLifecycleNode):
         if self._epoch is None:
             return
         twist = message.twist
+        t = between(self._epoch, message.header.stamp)
         try:
-            t = self._time(message.header.stamp)
-            variance = twist.covariance[0] or self.p.radar_variance
-            if self._estimation.radar(t, twist.twist.linear.x, variance):
-                self._disbelieved = 0
-            else:
-                self._disbelieved += 1
+            believed = self._estimation.radar(t, twist.twist.linear.x, twist.covariance[0])
         except ValueError as error:
             self._refuse('radar', error)
             return
+        self._disbelieved = 0 if believed else self._disbelieved + 1
         self._refused.pop('radar', None)
 
     def _send_terrain(self, stamp):

@@ -31,7 +31,7 @@ class Sample(TractionLifecycleNode):
         if p.slip > p.slip_max:
             raise ValueError(f'slip = {p.slip:g} exceeds slip_max = {p.slip_max:g}')
 
-    def parameters_changed(self, p):
+    def parameters_changed(self, p, names):
         self.get_logger().info(f'slip is now {p.slip:g}')
 
     def configure(self):

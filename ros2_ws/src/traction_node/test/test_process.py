@@ -74,10 +74,10 @@ def test_bad_parameter_ends_the_start_with_one_line(params, reason):
 def test_parameter_file_is_checked_like_the_command_line(tmp_path):
     path = tmp_path / 'sample.yaml'
     path.write_text('sample:\n  ros__parameters:\n    slip: 2\n')
-    with sample(params_file=path) as node:
+    with sample(params_files=[path]) as node:
         assert node.wait() == 2
         assert node.output == 'sample: parameter "slip" = 2 is out of range: 0 .. 1\n'
-    with sample(params_file=tmp_path / 'absent.yaml') as node:
+    with sample(params_files=[tmp_path / 'absent.yaml']) as node:
         assert node.wait() == 2
         last_line = node.output.splitlines()[-1]  # rcl itself has logged one before
         assert last_line.startswith('sample: ')

@@ -112,13 +112,15 @@ class _Suite:
             With the reason, if they do not fit together.
         """
 
-    def parameters_changed(self, p):
-        """Take note of an accepted change at run time.
+    def parameters_changed(self, p, names):
+        """Take note of parameters that were set at run time.
 
         Parameters
         ----------
         p : types.SimpleNamespace
-            The new values, also at `self.p`.
+            The values, also at `self.p`.
+        names : set of str
+            Those that were set, be it to the value they had.
         """
 
     def finish(self, reason=''):
@@ -173,7 +175,7 @@ class _Suite:
             return SetParametersResult(successful=False, reason=str(error))
         if result.successful:
             self.p = p
-            self.parameters_changed(p)
+            self.parameters_changed(p, {new.name for new in parameter_list})
         return result
 
     # Topics and timers

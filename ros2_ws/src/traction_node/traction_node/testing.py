@@ -56,15 +56,15 @@ def executable(package, name):
     return path
 
 
-def ros_arguments(params=None, params_file=None, remaps=None, namespace='', name=''):
+def ros_arguments(params=None, params_files=(), remaps=None, namespace='', name=''):
     """Command line of a node as `ros2 run` takes it.
 
     Parameters
     ----------
     params : dict, optional
         Parameter values by name.
-    params_file : path-like, optional
-        YAML file of parameters.
+    params_files : sequence of path-like
+        YAML files of parameters, a later one overruling an earlier one.
     remaps : dict, optional
         Old names to new names.
     namespace, name : str
@@ -80,7 +80,9 @@ def ros_arguments(params=None, params_file=None, remaps=None, namespace='', name
         rules['__ns'] = '/' + namespace.strip('/')
     if name:
         rules['__node'] = name
-    arguments = ['--params-file', str(params_file)] if params_file else []
+    arguments = []
+    for file in params_files:
+        arguments += ['--params-file', str(file)]
     for key, value in (params or {}).items():
         arguments += ['-p', f'{key}:={_yaml(value)}']
     for old, new in rules.items():
@@ -105,7 +107,7 @@ class NodeProcess:
         Executable, see `executable`.
     *args : str
         Further arguments.
-    params, params_file, remaps, namespace, name
+    params, params_files, remaps, namespace, name
         See `ros_arguments`.
     env : dict of str, optional
         Environment variables to add.

@@ -28,7 +28,7 @@ def make_gate(**changes) -> TorqueGate:
 def passing_gate(efforts=(1000.0, 1000.0)) -> TorqueGate:
     """A gate that puts out `efforts` at t = 0, stamp 100 s."""
     gate = make_gate()
-    gate.measured(0.0, WHEELS, efforts)
+    gate.measured(0.0, 0.0, WHEELS, efforts)
     assert gate.command(0.0, 100.0, WHEELS, efforts)
     assert gate.output == list(efforts)
     return gate
@@ -98,6 +98,17 @@ def test_bad_command_is_not_passed_and_a_good_one_recovers(names, efforts, cause
     assert gate.output == [1010.0, 1010.0]
 
 
+def test_command_much_older_than_the_wheel_states_is_stale():
+    gate = passing_gate()
+    gate.measured(0.005, 105.0, WHEELS, [1000.0, 1000.0])
+    assert not gate.command(0.01, 100.01, WHEELS, [1000.0, 1000.0])
+    assert gate.reason.endswith('stamp is 4.990 s older than the wheel states')
+    assert gate.rejected['stale'] == 1
+    assert gate.command(0.02, 104.9, WHEELS, [1000.0, 1000.0])
+    # Wheel states that have stopped say nothing about the age of commands any more.
+    assert gate.command(0.11, 104.91, WHEELS, [1000.0, 1000.0])
+
+
 def test_stamp_that_runs_backwards_is_rejected_until_commands_stopped():
     gate = passing_gate()
     assert not gate.command(0.01, 99.5, WHEELS, [1000.0, 1000.0])
@@ -150,23 +161,23 @@ def test_bad_commands_do_not_keep_it_from_the_safe_torque():
 )
 def test_starts_from_the_measured_torque(measured, start):
     gate = make_gate()
-    gate.measured(0.0, WHEELS, [measured, 0.0])
+    gate.measured(0.0, 0.0, WHEELS, [measured, 0.0])
     assert gate.command(0.01, 100.0, WHEELS, [1500.0, 0.0])
     assert gate.output == [start, 0.0]
 
 
 def test_starts_from_its_output_when_the_measurement_is_old_or_bad():
     gate = make_gate()
-    gate.measured(0.0, WHEELS, [700.0, 700.0])
-    assert not gate.measured(0.3, WHEELS, [math.nan, 700.0])
-    assert not gate.measured(0.3, ['fl'], [700.0])
+    gate.measured(0.0, 0.0, WHEELS, [700.0, 700.0])
+    assert not gate.measured(0.3, 0.0, WHEELS, [math.nan, 700.0])
+    assert not gate.measured(0.3, 0.0, ['fl'], [700.0])
     assert gate.command(0.3, 100.0, WHEELS, [1500.0, 1500.0])
     assert gate.output == [0.0, 0.0]
 
 
 def test_measured_joints_may_be_more_and_in_another_order():
     gate = make_gate()
-    assert gate.measured(0.0, ['steer', 'fr', 'fl'], [9.0, 300.0, 400.0])
+    assert gate.measured(0.0, 0.0, ['steer', 'fr', 'fl'], [9.0, 300.0, 400.0])
     gate.command(0.01, 100.0, WHEELS, [1500.0, 1500.0])
     assert gate.output == [400.0, 300.0]
 
@@ -219,7 +230,7 @@ def test_output_is_within_limits_and_safe_in_time_whatever_comes(events):
         t = until
         before, state = list(gate.output), gate.state
         if kind == 'measured':
-            gate.measured(t, names, efforts)
+            gate.measured(t, 0.0, names, efforts)
             assert gate.output == before
         elif gate.command(t, stamp, names, efforts):
             if state is State.PASSING and t - last_good <= TIMEOUT:

@@ -61,6 +61,9 @@ class TorqueGate:
         ``timeout + release_time + WATCHDOG_PERIOD`` must not exceed `REACTION_TIME`.
     safe_torque : float
         N·m, within the limits of every wheel.
+    max_age : float
+        A command whose stamp is this much older than that of the newest wheel states is
+        stale and not passed, s, above 0. Both stamps have to be of one clock.
 
     Attributes
     ----------
@@ -92,6 +95,7 @@ class TorqueGate:
         timeout: float,
         release_time: float,
         safe_torque: float = 0.0,
+        max_age: float = REACTION_TIME,
     ):
         n = len(wheel_names)
         if n == 0 or len(set(wheel_names)) != n:
@@ -114,6 +118,8 @@ class TorqueGate:
             if not rate > 0.0:
                 raise ValueError(f'{wheel}: max_rate {rate} N·m/s is not above 0')
         reaction = timeout + release_time + WATCHDOG_PERIOD
+        if not max_age > 0.0:
+            raise ValueError(f'max_age {max_age} s is not above 0')
         # Decimal fractions of a second add up with rounding errors.
         if not (timeout > 0.0 and release_time >= 0.0 and reaction <= REACTION_TIME + 1e-9):
             raise ValueError(
@@ -127,11 +133,12 @@ class TorqueGate:
         self._timeout = timeout
         self._release_time = release_time
         self._safe = safe_torque
+        self._max_age = max_age
 
         self.state = State.WAITING
         self.output = [safe_torque] * n
         self.limits = [Limit.NONE] * n
-        self.rejected = dict.fromkeys(('names', 'length', 'not_finite', 'stamp'), 0)
+        self.rejected = dict.fromkeys(('names', 'length', 'not_finite', 'stamp', 'stale'), 0)
         self.limited = {'magnitude': 0, 'rate': 0}
         self.timeouts = 0
 
@@ -142,6 +149,7 @@ class TorqueGate:
         self._rejection = ''
         self._measured = [safe_torque] * n
         self._last_measured = -math.inf
+        self._newest_stamp = 0.0
         self._commands = JointOrder(wheel_names, 'torque', only=True)
         self._measurements = JointOrder(wheel_names, 'shaft torque')
 
@@ -181,6 +189,9 @@ class TorqueGate:
                 raise JointError(
                     'stamp', f'stamp {stamp:.3f} s is {age:.3f} s older than the last'
                 )
+            age = self._newest_stamp - stamp
+            if stamp > 0.0 and t - self._last_measured <= self._timeout and age > self._max_age:
+                raise JointError('stale', f'stamp is {age:.3f} s older than the wheel states')
         except JointError as error:
             self.rejected[error.cause] += 1
             self._rejection = str(error)
@@ -217,13 +228,17 @@ class TorqueGate:
         self.state = State.PASSING
         return True
 
-    def measured(self, t: float, names: Sequence[str], efforts: Sequence[float]) -> bool:
+    def measured(
+        self, t: float, stamp: float, names: Sequence[str], efforts: Sequence[float]
+    ) -> bool:
         """Take measured shaft torques, from which commands start after a pause.
 
         Parameters
         ----------
         t : float
             When they arrived, s.
+        stamp : float
+            Their stamp, s, 0 for none: commands much older than it are stale.
         names : sequence of str
             Joints, among them every wheel once, in any order.
         efforts : sequence of float
@@ -239,6 +254,7 @@ class TorqueGate:
         except JointError:
             return False
         self._last_measured = t
+        self._newest_stamp = stamp
         return True
 
     def step(self, t: float) -> bool:

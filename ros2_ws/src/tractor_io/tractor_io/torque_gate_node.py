@@ -76,6 +76,15 @@ class TorqueGateNode(TractionLifecycleNode):
             read_only=True,
         ),
         Parameter(
+            'max_age',
+            0.2,
+            'a command this much older by its stamp than the newest wheel states is stale',
+            unit='s',
+            minimum=0.01,
+            maximum=10.0,
+            read_only=True,
+        ),
+        Parameter(
             'safe_torque', 0.0, 'torque of every wheel without command', unit='N*m', read_only=True
         ),
     )
@@ -110,7 +119,9 @@ class TorqueGateNode(TractionLifecycleNode):
 
     def _measured(self, message):
         self._newest_stamp = message.header.stamp
-        self._gate.measured(time.monotonic(), message.name, message.effort)
+        self._gate.measured(
+            time.monotonic(), seconds(message.header.stamp), message.name, message.effort
+        )
 
     def _command(self, message):
         if not self.active:
@@ -167,7 +178,7 @@ def _make_gate(p):
         values * n if len(values) == 1 else values
         for values in (p.min_torque, p.max_torque, p.max_rate)
     ]
-    return TorqueGate(p.wheel_names, *limits, p.timeout, p.release_time, p.safe_torque)
+    return TorqueGate(p.wheel_names, *limits, p.timeout, p.release_time, p.safe_torque, p.max_age)
 
 
 def main():
