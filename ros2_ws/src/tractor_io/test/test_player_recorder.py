@@ -7,13 +7,14 @@ import time
 from collections import defaultdict
 from pathlib import Path
 
+import numpy as np
 import pytest
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
 from traction_node.testing import NodeProcess, Probe, executable
-from tractor_io.bag import BagReader
+from tractor_io.bag import QOS, BagReader, BagWriter, typestore
 
 BAGS = Path(__file__).resolve().parents[4] / 'bags'
 DRAWBAR = BAGS / 'wheel_drawbar'
@@ -50,7 +51,12 @@ def test_recorded_is_played_message_for_message(tmp_path):
         probe.wait_for(
             lambda: probe.diagnostics('one/bag_recorder'), 15.0, 'sign of life of the recorder'
         )
-        parameters = {'bag': DRAWBAR, 'rate': 20.0, 'wait_for_subscribers': 15.0}
+        parameters = {
+            'bag': DRAWBAR,
+            'rate': 20.0,
+            'topics': ['all', 'wheel_torque'],
+            'wait_for_subscribers': 15.0,
+        }
         with NodeProcess(PLAYER, params=parameters, namespace='one') as player:
             assert player.wait(30.0) == 0
         total = sum(map(len, played.values()))
@@ -62,6 +68,53 @@ def test_recorded_is_played_message_for_message(tmp_path):
         probe.wait_for(complete, 10.0, f'{total} messages recorded')
         assert recorder.interrupt() == 0
     assert by_topic(output) == {f'/one{topic}': found for topic, found in played.items()}
+
+
+COMMANDS = ('torque_request', 'wheel_torque_command', 'wheel_torque')
+
+
+def torque_bag(path, topics):
+    """Write a bag with 20 messages on each of some topics of a tractor in a namespace."""
+    state = typestore().types['sensor_msgs/msg/JointState']
+    header = typestore().types['std_msgs/msg/Header']
+    stamp = typestore().types['builtin_interfaces/msg/Time']
+    none = np.empty(0)
+    with BagWriter(path) as bag:
+        for topic in topics:
+            bag.add_topic(f'/tractor1/{topic}', state.__msgtype__, QOS['command'])
+        for i in range(20):
+            message = state(header(stamp(1, i), ''), ['fl'], none, none, np.array([9e3]))
+            for topic in topics:
+                bag.write(f'/tractor1/{topic}', 10**9 + i, message)
+    return path
+
+
+@pytest.mark.parametrize(
+    ('topics', 'left_out'),
+    [(['all'], COMMANDS), (['all', '/tractor1/wheel_torque'], COMMANDS[:2])],
+)
+def test_torques_play_only_when_named(tmp_path, topics, left_out):
+    bag = torque_bag(tmp_path / 'bag', ('wheel_states', *COMMANDS))
+    parameters = {'bag': bag, 'topics': topics, 'wait_for_subscribers': 15.0}
+    with Probe(namespace='tractor1') as probe:
+        received = {topic: probe.subscribe(topic) for topic in ('wheel_states', *COMMANDS)}
+        with NodeProcess(PLAYER, params=parameters) as player:
+            probe.wait_for(lambda: not player.running, 30.0, 'end of the player')
+            assert player.wait() == 0
+    (line,) = player.output.splitlines()
+    names = ', '.join(sorted(f'/tractor1/{topic}' for topic in left_out))
+    assert line.endswith(f'not played unless named in "topics": {names}')
+    assert {topic for topic, messages in received.items() if not messages} == set(left_out)
+
+
+def test_a_bag_of_nothing_but_torques_says_what_to_name(tmp_path):
+    bag = torque_bag(tmp_path / 'bag', ['wheel_torque'])
+    with NodeProcess(PLAYER, params={'bag': bag}) as player:
+        assert player.wait() == 2
+    (line,) = player.output.splitlines()
+    assert line.endswith(
+        'nothing to play; not played unless named in "topics": /tractor1/wheel_torque'
+    )
 
 
 def test_player_keeps_time_and_publishes_the_clock():

@@ -12,10 +12,13 @@ from traction_node.diagnostic import OK, WARN
 from traction_node.node import TractionNode
 from traction_node.parameter import Parameter
 from traction_node.run import run
-from traction_node.topics import message_class
+from traction_node.topics import message_class, topics
 from tractor_io.bag import BagError, BagReader
 
 ALL = 'all'
+
+COMMANDS = tuple(f'/{name}' for name, topic in topics().items() if topic.qos == 'command')
+"""Topics that carry torques, in whatever namespace: replayed, they would drive a vehicle."""
 
 ABSOLUTE = ('/clock', '/diagnostics')
 """Topics that have no namespace."""
@@ -57,7 +60,12 @@ class BagPlayerNode(TractionNode):
             read_only=True,
         ),
         Parameter('clock', False, 'publish bag time on /clock', read_only=True),
-        Parameter('topics', [ALL], f"topics to play, or '{ALL}'", read_only=True),
+        Parameter(
+            'topics',
+            [ALL],
+            f"topics to play; '{ALL}' leaves out those that carry torques, which have to be named",
+            read_only=True,
+        ),
         Parameter(
             'wait_for_subscribers',
             2.0,
@@ -86,11 +94,18 @@ class BagPlayerNode(TractionNode):
         self._played = 0
         self._position = self.p.start_offset
         self._lag = 0.0
-        names = set(self._bag.topics) if ALL in self.p.topics else self._bag.find(self.p.topics)
+        names = self._bag.find(name for name in self.p.topics if name != ALL)
+        left_out = set()
+        if ALL in self.p.topics:
+            left_out = {name for name in self._bag.topics if name.endswith(COMMANDS)} - names
+            names = set(self._bag.topics) - left_out
         if self.p.clock:
             names.discard('/clock')  # two sources of time would contradict each other
+        said = f'not played unless named in "topics": {", ".join(sorted(left_out))}'
         if not names:
-            raise ValueError(f'{self.p.bag}: nothing to play')
+            raise ValueError(f'{self.p.bag}: nothing to play' + (f'; {said}' if left_out else ''))
+        if left_out:
+            self.get_logger().info(said)
         self._outputs = {name: self._make_publisher(name) for name in sorted(names)}
         self._clock_publisher = None
         if self.p.clock:
