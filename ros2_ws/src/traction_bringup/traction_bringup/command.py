@@ -89,9 +89,11 @@ def plot(
     from traction_bringup.picture import draw
     from traction_bringup.recording import read_recording
 
-    path = output or bags[0].with_suffix('.png')
     recordings = [read_recording(bag) for bag in bags]
-    draw(recordings, [bag.stem for bag in bags], path, soft_from=soft_from)
+    # Resolved, as `.` has no name of its own.
+    places = [bag.resolve() for bag in bags]
+    path = output or places[0].with_name(f'{places[0].name}.png')
+    draw(recordings, [place.stem for place in places], path, soft_from=soft_from)
     console.print(f'picture  {path}', soft_wrap=True)
 
 

@@ -48,7 +48,12 @@ class DriveCycleNode(TractionNode):
     def _on_wheel_states(self, message):
         stamp = message.header.stamp
         if self._begin is None:
-            if self._request_publisher.get_subscription_count() < self.p.listeners:
+            there = self._request_publisher.get_subscription_count()
+            if there < self.p.listeners:
+                self.set_diagnostic(
+                    diagnostic.WARN,
+                    f'waiting for {self.p.listeners} subscribers of torque_request, has {there}',
+                )
                 return
             self._begin = type(stamp)(sec=stamp.sec, nanosec=stamp.nanosec)
             self.set_diagnostic(diagnostic.OK, 'driving')

@@ -60,6 +60,8 @@ def draw(
         torque.set_xlabel('time, s')
         end = recording.end
         for axis in axes[:, column]:
+            if not axis.lines:
+                axis.text(0.5, 0.5, 'not recorded', transform=axis.transAxes, ha='center')
             axis.grid(alpha=0.25)
             axis.set_xlim(0.0, end)
             _shade(axis, recording, soft_from, end)
@@ -71,7 +73,8 @@ def draw(
     for axis, place in zip(
         axes[:, -1], ('upper right', 'upper right', 'center right'), strict=True
     ):
-        axis.legend(fontsize=8, loc=place, framealpha=0.9)
+        if axis.lines:
+            axis.legend(fontsize=8, loc=place, framealpha=0.9)
     figure.savefig(path, dpi=110)
 
 
@@ -117,13 +120,10 @@ def _draw_speed(axis: Axes, recording: Recording) -> None:
             else:
                 axis.plot(series.t, series.values, ':', color=_ESTIMATE, lw=1.4, label=label)
     # A spinning wheel must not squeeze the speeds that matter into a line.
-    fastest = max(
-        float(np.nanmax(recording[kind].values))
-        for kind in ('speed', 'speed_estimate', 'radar')
-        if kind in recording
-    )
-    top = max(3.0 * fastest, axis.get_ylim()[1] if axis.get_ylim()[1] < 3.0 * fastest else 0.0)
-    axis.set_ylim(min(0.0, axis.get_ylim()[0]), top)
+    over_ground = [kind for kind in ('speed', 'speed_estimate', 'radar') if kind in recording]
+    if over_ground:
+        top = 3.0 * max(float(np.nanmax(recording[kind].values)) for kind in over_ground)
+        axis.set_ylim(min(0.0, axis.get_ylim()[0]), top)
 
 
 def _draw_torque(axis: Axes, recording: Recording) -> None:

@@ -112,6 +112,32 @@ class Recording:
         return (len(logged) - 1) / span if span > 0 else 0.0
 
 
+def vehicle_prefix(bag: BagReader) -> str:
+    """Find what stands before the topics of the vehicle that a bag was recorded of.
+
+    Parameters
+    ----------
+    bag : BagReader
+        An open bag.
+
+    Returns
+    -------
+    str
+        ``/``, or ``/tractor1/`` where that is the namespace.
+
+    Raises
+    ------
+    BagError
+        If no topic, or more than one, is a `wheel_states`.
+    """
+    found: list[str] = [name for name in bag.topics if name.endswith('/wheel_states')]
+    if len(found) > 1:
+        raise BagError(f'{bag.path}: holds several vehicles: {", ".join(found)}')
+    if not found:
+        bag.find(['wheel_states'])  # raises, naming what there is
+    return found[0].removesuffix('wheel_states')
+
+
 def read_recording(path: Path | str) -> Recording:
     """Read a bag of the suite.
 
@@ -128,18 +154,17 @@ def read_recording(path: Path | str) -> Recording:
     Raises
     ------
     BagError
-        If it is no bag, or holds no `wheel_states`.
+        If it is no bag, or holds no `wheel_states`, or those of several vehicles.
     """
     with BagReader(path) as bag:
-        bag.find(['wheel_states'])
-        namespaced = {name.lstrip('/'): name for name in bag.topics}
+        prefix = vehicle_prefix(bag)
         wanted = {topic for _, topic, _ in _QUANTITIES} | {'slip_target'}
-        there = [namespaced[topic] for topic in sorted(wanted) if topic in namespaced]
+        there = [prefix + topic for topic in sorted(wanted) if prefix + topic in bag.topics]
         collected: dict[str, list[tuple[int, int, Any]]] = {topic: [] for topic in wanted}
         target = None
         names: tuple[str, ...] = ()
         for message in bag.messages(there):
-            topic = message.topic.lstrip('/')
+            topic = message.topic.removeprefix(prefix)
             if topic == 'slip_target':
                 target = float(message.message.data)
                 continue

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from traction_bringup.recording import Array
+from traction_bringup.recording import Array, vehicle_prefix
 from traction_controller.slip_estimation import SlipEstimation
 from traction_model.soil import load_soil
 from traction_model.vehicle import load_vehicle
@@ -61,7 +61,7 @@ def replay(
     Parameters
     ----------
     path : Path or str
-        Bag with `wheel_states`, `radar` and `ground_truth/slip_estimate`.
+        Bag with `wheel_states`, `radar` and `ground_truth/slip_estimate`, in any namespace.
     vehicle, soil : str
         As the estimator takes them; empty for those the bag names.
     settle : float
@@ -83,9 +83,11 @@ def replay(
     DefinitionError
         If vehicle or soil are not known.
     """
-    topics = ('wheel_states', 'radar', 'ground_truth/slip_estimate')
     with BagReader(path) as bag:
-        bag.find(topics)
+        prefix = vehicle_prefix(bag)
+        topics = bag.find(
+            prefix + topic for topic in ('wheel_states', 'radar', 'ground_truth/slip_estimate')
+        )
         chosen = {'vehicle': vehicle, 'soil': soil}
         for what, name in chosen.items():
             chosen[what] = name or bag.custom_data.get(what, '')
@@ -98,14 +100,14 @@ def replay(
         start, end = bag.start, bag.end
         estimates: dict[int, tuple[Array, Array, float]] = {}
         errors, deviations, speed_errors = [], [], []
-        for message in bag.messages(topics):
+        for message in bag.messages(sorted(topics)):
             if progress is not None:
                 progress((message.time - start) / max(1, end - start))
             stamp = message.message.header.stamp
             ns = stamp.sec * 1_000_000_000 + stamp.nanosec
             t = (ns - start) * 1e-9
             content = message.message
-            kind = message.topic.lstrip('/')
+            kind = message.topic.removeprefix(prefix)
             if kind == 'radar':
                 estimation.radar(t, content.twist.twist.linear.x, content.twist.covariance[0])
             elif kind == 'wheel_states':

@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -14,11 +15,13 @@ from traction_node.testing import NodeProcess, Probe, executable
 WHEELS = list(load_vehicle('tractor_4wd').wheel_names)
 RATES = {
     'wheel_states': 100.0,
-    'radar': 20.0,
+    'radar': 30.0,  # no whole number of steps of wheel_states
     'ground_truth/slip_estimate': 100.0,
     'ground_truth/terrain_estimate': 10.0,
     'ground_truth/odometry': 50.0,
 }
+
+LATENCY = 0.015
 
 
 def plant(namespace='', **params):
@@ -42,7 +45,12 @@ def probe():
 @pytest.fixture(scope='module')
 def running():
     """Probe of a tractor in real time; in a namespace, as the other tests have their own."""
-    params = {'radar_least_speed': 0.0, 'torque_time_constant': 0.0}
+    params = {
+        'radar_least_speed': 0.0,
+        'radar_rate': RATES['radar'],
+        'radar_latency': LATENCY,
+        'torque_time_constant': 0.0,
+    }
     with plant('field', **params), Probe('field') as probe:
         yield probe
 
@@ -61,6 +69,25 @@ def test_every_topic_comes_at_its_rate_in_real_time(running):
         period = (stamps[-1] - starts[name]) / len(stamps)
         assert period == pytest.approx(1 / RATES[name], rel=0.02), name
         assert len(stamps) == pytest.approx(2.0 * RATES[name], rel=0.1, abs=1), name
+
+
+def test_radar_comes_after_its_latency_at_the_next_step(running):
+    probe = running
+    ages = {'wheel_states': [], 'radar': []}
+
+    def take(name):
+        def on_message(message):
+            now = probe.node.get_clock().now().nanoseconds * 1e-9
+            ages[name].append(now - seconds(message.header.stamp))
+
+        return on_message
+
+    for name in ages:
+        probe.subscribe(name, take(name))
+    probe.wait_for(lambda: len(ages['radar']) >= 30, 10.0, '30 readings of radar')
+    # wheel_states has no latency. 15 ms end at the step 20 ms on; radar's next is 33 ms on.
+    age = np.median(ages['radar']) - np.median(ages['wheel_states'])
+    assert age == pytest.approx(0.02, abs=0.005)
 
 
 def test_at_rest_without_torque(running):

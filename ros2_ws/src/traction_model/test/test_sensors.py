@@ -43,8 +43,9 @@ def test_tachometer_refuses(pulses):
 
 
 def errors(radar, speed=3.0, count=4000):
-    readings = [radar.read(0.1 * k, speed) for k in range(count)]
-    return np.array([value - speed for reading in readings for _, value in reading])
+    for k in range(count):
+        radar.measure(0.1 * k, speed)
+    return np.array([value - speed for _, value in radar.deliver(0.1 * count)])
 
 
 def test_radar_noise():
@@ -65,17 +66,33 @@ def test_radar_bias_is_an_error_of_scale():
 
 def test_radar_is_blind_when_slow():
     radar = Radar(RadarModel(noise=0.0, least_speed=0.2), seed=1)
-    assert radar.read(0.0, 0.19) == []
-    assert radar.read(0.1, -0.2) == [(0.1, -0.2)]
+    radar.measure(0.0, 0.19)
+    assert radar.deliver(0.0) == []
+    radar.measure(0.1, -0.2)
+    assert radar.deliver(0.1) == [(0.1, -0.2)]
 
 
-def test_radar_latency():
-    radar = Radar(RadarModel(noise=0.0, latency=0.25), seed=1)
-    delivered = {k: radar.read(0.1 * k, 1.0 + k) for k in range(6)}
-    # Measured at 0, 0.1, 0.2 s; due 0.25 s later, so with the calls at 0.3, 0.4, 0.5 s.
-    assert [len(delivered[k]) for k in range(6)] == [0, 0, 0, 1, 1, 1]
+def test_radar_latency_does_not_wait_for_the_next_measurement():
+    # Measured every 50 ms, asked every 10 ms: each reading comes 30 ms after it was measured.
+    radar = Radar(RadarModel(noise=0.0, latency=0.03), seed=1)
+    delivered = {}
+    for k in range(12):
+        if k % 5 == 0:
+            radar.measure(0.01 * k, 1.0 + k)
+        delivered[k] = radar.deliver(0.01 * k)
+    assert [k for k in delivered if delivered[k]] == [3, 8]
     assert delivered[3] == [(0.0, 1.0)]
-    assert delivered[5] == [(pytest.approx(0.2), 3.0)]
+    assert delivered[8] == [(pytest.approx(0.05), 6.0)]
+
+
+def test_radar_latency_beyond_its_period():
+    # Measured at 0, 0.1, 0.2 s; due 0.25 s later, so at 0.25, 0.35, 0.45 s, in that order.
+    radar = Radar(RadarModel(noise=0.0, latency=0.25), seed=1)
+    for k in range(3):
+        radar.measure(0.1 * k, 1.0 + k)
+    assert radar.deliver(0.24) == []
+    assert [speed for _, speed in radar.deliver(0.36)] == [1.0, 2.0]
+    assert [speed for _, speed in radar.deliver(0.45)] == [3.0]
 
 
 def test_radar_repeats_itself_with_its_seed():
@@ -89,10 +106,10 @@ def test_radar_repeats_itself_with_its_seed():
 def test_radar_noise_does_not_depend_on_what_it_saw():
     # Blind or not, reading number k has the same noise: runs stay comparable.
     radar, blind = Radar(RadarModel(), 3), Radar(RadarModel(), 3)
-    first = [radar.read(0.1 * k, 2.0) for k in range(5)]
-    for k in range(4):
-        assert blind.read(0.1 * k, 0.0) == []
-    assert blind.read(0.4, 2.0) == first[4]
+    for k in range(5):
+        radar.measure(0.1 * k, 2.0)
+        blind.measure(0.1 * k, 2.0 if k == 4 else 0.0)
+    assert blind.deliver(0.4) == radar.deliver(0.4)[4:]
 
 
 @pytest.mark.parametrize(

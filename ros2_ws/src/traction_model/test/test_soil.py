@@ -90,6 +90,10 @@ def test_source_may_be_noted(tmp_path):
         ('cohesion: 1040', 'cohesion: .nan', 'cohesion: Input should be a finite number, got nan'),
         ('cohesion: 1040', 'cohesion: -1', 'greater than or equal to 0, got -1'),
         ('modulus: 0.02', 'modulus: 0', 'shear_deformation_modulus: Input should be greater than'),
+        ('  friction_angle_deg: 28\n', '', 'friction_angle_deg: missing'),
+        ('angle_deg: 28', 'angle: 0.5', 'friction_angle: give friction_angle_deg instead, in deg'),
+        ('angle_deg: 28', 'angel_deg: 28',
+         "friction_angel_deg: unknown key; did you mean 'friction_angle_deg'?"),
         ('deg: 28', 'deg: 90', 'friction_angle_deg: must be at least 0 and below 90, got 90'),
         ('deg: 28', 'deg: -1', 'friction_angle_deg: must be at least 0 and below 90, got -1'),
         ('deg: 28', 'deg: .nan', 'friction_angle_deg: must be at least 0 and below 90, got nan'),
@@ -128,6 +132,14 @@ def test_unknown_soil_names_the_nearest():
         load_soil('dry_snad')
     with pytest.raises(DefinitionError, match=r"unknown soil 'xyz'; there are: clayey_soil_38, "):
         load_soil('xyz')
+
+
+@pytest.mark.parametrize('name', ['mysoils.yaml', 'folder/mysoils.yml'])
+def test_file_without_a_soils_name(name):
+    with pytest.raises(
+        DefinitionError, match=rf"'{name}': say which soil of the file, as in file\.yaml:name"
+    ):
+        load_soil(name)
 
 
 def test_terrain_packs_soils_in_order():

@@ -90,9 +90,10 @@ def test_three_axles():
         ('mass: 1000', 'mass: 0', 'chassis_mass: Input should be greater than 0, got 0'),
         ('mass: 1000', 'mass: .inf', 'chassis_mass: Input should be a finite number, got inf'),
         ('mass: 1000', 'mass: much', "chassis_mass: Input should be a valid number"),
-        ('[rear]', '[front]', "wheel name 'front' is given twice"),
-        ('[rear]', '[]', 'axles.1.wheel_names: '),
-        ('x: 0\n', 'x: 2.0\n', 'two axles have the same x'),
+        ('[rear]', '[front]', ": wheel name 'front' is given twice"),
+        ('[rear]', '[]', 'axles.1.wheel_names: List should have at least 1 item'),
+        ('[rear]', 'rear', "axles.1.wheel_names: Input should be a list, got 'rear'"),
+        ('x: 0\n', 'x: 2.0\n', ': two axles have the same x'),
         ('chassis_cg_x: 1.0', 'chassis_cg_x: 2.5', 'the centre of gravity lifts a wheel at rest'),
     ],
 )  # fmt: skip
@@ -106,6 +107,28 @@ def test_fault_is_named_with_file_and_key(tmp_path, old, new, reason):
         load_vehicle(path)
     assert str(refused.value).startswith(str(path))
     assert reason in str(refused.value)
+
+
+def test_fault_is_told_without_the_whole_file(tmp_path):
+    path = tmp_path / 'mine.yml'
+    path.write_text(VEHICLE.replace('[rear]', '[front]'))
+    with pytest.raises(DefinitionError) as refused:
+        load_vehicle(path)
+    assert str(refused.value) == f"{path}: wheel name 'front' is given twice"
+    path.write_text(VEHICLE.replace('chassis_mass: 1000', f'chassis_mass: {list(range(50))}'))
+    with pytest.raises(DefinitionError) as refused:
+        load_vehicle(path)
+    # 60 characters of what was given.
+    shown = str(list(range(50)))[:60]
+    assert str(refused.value).endswith(
+        f'chassis_mass: Input should be a valid number, got {shown}…'
+    )
+
+
+def test_file_may_end_in_yml(tmp_path):
+    path = tmp_path / 'mine.yml'
+    path.write_text(VEHICLE)
+    assert load_vehicle(path).mass == 1000
 
 
 def test_unknown_vehicle_names_the_nearest(tmp_path):

@@ -8,6 +8,9 @@ from typing import Any, TypeVar
 import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+LONGEST = 60
+"""Characters of a wrong value that an error shows."""
+
 Model = TypeVar('Model', bound='Definition')
 
 
@@ -99,16 +102,20 @@ def build(model: type[Model], content: Any, where: str) -> Model:
         faults = error.errors()
         fault = next((f for f in faults if f['type'] == 'extra_forbidden'), faults[0])
         key = '.'.join(str(part) for part in fault['loc'])
-        reason = fault['msg']
+        reason = fault['msg'].replace('a valid tuple', 'a list').replace('Tuple', 'List')
         if fault['type'] == 'extra_forbidden':
             reason = 'unknown key' + closest(
                 str(fault['loc'][-1]), _keys(model, fault['loc'][:-1])
             )
         elif fault['type'] == 'missing':
             reason = 'missing'
+        elif fault['type'] == 'value_error':
+            # A check of ours, which says all there is to say.
+            reason = str(fault['ctx']['error'])
         else:
-            reason = f'{reason}, got {fault["input"]!r}'
-        raise DefinitionError(f'{where}: {key}: {reason}') from error
+            given = repr(fault['input'])
+            reason += f', got {given if len(given) <= LONGEST else given[:LONGEST] + "…"}'
+        raise DefinitionError(': '.join(filter(None, (where, key, reason)))) from error
 
 
 def _keys(model: type[BaseModel], location: tuple[int | str, ...]) -> Iterable[str]:

@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections import Counter
 
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
@@ -51,7 +52,8 @@ class PlantNode(TractionNode):
         Parameter(
             'sinkage',
             'dynamic',
-            'sinkage as a state, or from vertical equilibrium',
+            'sinkage as a state, or from vertical equilibrium, which is many times slower and can '
+            'stall on very soft soil',
             choices=('dynamic', 'equilibrium'),
             read_only=True,
         ),
@@ -152,6 +154,7 @@ class PlantNode(TractionNode):
         self._answered = False
         self._refused = ''
 
+        self._came_due = Counter()
         self._outputs = {}
         self._messages = {}
         for name in ('wheel_states', 'radar', 'ground_truth/slip_estimate',
@@ -254,7 +257,7 @@ class PlantNode(TractionNode):
         slip.wheel_based_speed = plant.rim_speed.tolist()
         slip.ground_based_speed = plant.v
         self._send('ground_truth/slip_estimate', slip)
-        if self._due(10.0):
+        if self._due('ground_truth/terrain_estimate', 10.0):
             terrain = self._messages['ground_truth/terrain_estimate']
             terrain.max_shear_stress = plant.max_shear_stress
             terrain.thrust = plant.thrust.tolist()
@@ -262,17 +265,18 @@ class PlantNode(TractionNode):
             terrain.valid = plant.slip_valid
             terrain.motion_resistance = plant.motion_resistance
             self._send('ground_truth/terrain_estimate', terrain)
-        if self._due(50.0):
+        if self._due('ground_truth/odometry', 50.0):
             odometry = self._messages['ground_truth/odometry']
             odometry.pose.pose.position.x = plant.x
             odometry.twist.twist.linear.x = plant.v
             self._send('ground_truth/odometry', odometry)
-        if self._due(p.radar_rate):
-            for t, speed in self._radar.read(plant.t, plant.v):
-                radar = self._messages['radar']
-                radar.twist.twist.linear.x = speed
-                to_stamp(radar.header.stamp, self._epoch + t)
-                self._outputs['radar'].publish(radar)
+        if self._due('radar', p.radar_rate):
+            self._radar.measure(plant.t, plant.v)
+        for t, speed in self._radar.deliver(plant.t):
+            radar = self._messages['radar']
+            radar.twist.twist.linear.x = speed
+            to_stamp(radar.header.stamp, self._epoch + t)
+            self._outputs['radar'].publish(radar)
         # Last, as it is what the others answer to.
         wheels = self._messages['wheel_states']
         wheels.velocity = self._tachometer.read(plant.omega, self._dt).tolist()
@@ -281,10 +285,15 @@ class PlantNode(TractionNode):
         self._stepped = time.monotonic()
         self._send('wheel_states', wheels)
 
-    def _due(self, rate):
-        """Whether something at a lower rate is due at this step."""
-        every = max(1, round(self.p.rate / rate))
-        return self._steps % every == 0
+    def _due(self, name, rate):
+        """Whether a topic with a rate of its own is due at this step, at most once a step.
+
+        Its k-th time is k/rate of simulated time, so that the mean rate is exact even where
+        its period is no multiple of the step.
+        """
+        due = self._steps * rate >= (self._came_due[name] - 1e-6) * self.p.rate
+        self._came_due[name] += due
+        return due
 
 
 def main():

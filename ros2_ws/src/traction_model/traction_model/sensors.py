@@ -103,8 +103,8 @@ class Radar:
         self._random = np.random.default_rng(seed)
         self._under_way: deque[tuple[float, float]] = deque()
 
-    def read(self, t: float, v: float) -> list[tuple[float, float]]:
-        """Take a measurement and deliver those whose latency has passed.
+    def measure(self, t: float, v: float) -> None:
+        """Take a measurement, which gets under way unless the radar is blind.
 
         Parameters
         ----------
@@ -112,15 +112,24 @@ class Radar:
             Time, s, not decreasing from call to call.
         v : float
             True speed, m/s.
-
-        Returns
-        -------
-        list of (float, float)
-            Time of measurement, s, and measured speed, m/s; empty while blind or waiting.
         """
         noise = self.model.noise * self._random.standard_normal()
         if abs(v) >= self.model.least_speed:
             self._under_way.append((t, v * (1 + self.model.bias) + noise))
+
+    def deliver(self, t: float) -> list[tuple[float, float]]:
+        """Deliver the measurements whose latency has passed, each once.
+
+        Parameters
+        ----------
+        t : float
+            Time, s, not decreasing from call to call.
+
+        Returns
+        -------
+        list of (float, float)
+            Time of measurement, s, and measured speed, m/s, oldest first.
+        """
         delivered = []
         while self._under_way and self._under_way[0][0] + self.model.latency <= t + 1e-9:
             delivered.append(self._under_way.popleft())

@@ -91,14 +91,22 @@ def _soil_from_yaml(content: Any, where: str) -> Soil:
     if not isinstance(content, dict):
         raise DefinitionError(f'{where}: expected a mapping of soil parameters')
     content = {key: value for key, value in content.items() if key != 'source'}
-    if 'friction_angle_deg' in content:
-        angle = content.pop('friction_angle_deg')
-        if not isinstance(angle, int | float) or not 0 <= angle < 90:
-            raise DefinitionError(
-                f'{where}: friction_angle_deg: must be at least 0 and below 90, got {angle!r}'
-            )
-        content['friction_angle'] = math.radians(angle)
-    return build(Soil, content, where)
+    if 'friction_angle' in content:
+        raise DefinitionError(
+            f'{where}: friction_angle: give friction_angle_deg instead, in degrees'
+        )
+    known = Soil.model_fields.keys() - {'friction_angle'} | {'friction_angle_deg'}
+    for key in content:
+        if key not in known:
+            raise DefinitionError(f'{where}: {key}: unknown key{closest(str(key), known)}')
+    if 'friction_angle_deg' not in content:
+        raise DefinitionError(f'{where}: friction_angle_deg: missing')
+    angle = content.pop('friction_angle_deg')
+    if not isinstance(angle, int | float) or not 0 <= angle < 90:
+        raise DefinitionError(
+            f'{where}: friction_angle_deg: must be at least 0 and below 90, got {angle!r}'
+        )
+    return build(Soil, content | {'friction_angle': math.radians(angle)}, where)
 
 
 def read_soils(path: str | Path) -> dict[str, Soil]:
@@ -158,6 +166,8 @@ def load_soil(name: str) -> Soil:
         If there is no such soil; the text names the nearest one.
     """
     path, _, own = name.rpartition(':')
+    if own.endswith(('.yaml', '.yml')):
+        raise DefinitionError(f"'{name}': say which soil of the file, as in file.yaml:name")
     soils = read_soils(path) if path else preset_soils()
     if own not in soils:
         raise DefinitionError(f"unknown soil '{own}'{closest(own, soils)}")

@@ -177,7 +177,7 @@ def load_vehicle(name: str | Path) -> Vehicle:
     """
     presets = {path.stem: path for path in _preset_folder().glob('*.yaml')}
     path = presets.get(str(name), Path(name))
-    if path.suffix != '.yaml':
+    if path.suffix not in ('.yaml', '.yml'):
         raise DefinitionError(f"unknown vehicle '{name}'{closest(str(name), presets)}")
     return build(Vehicle, read_yaml(path), str(path))
 
