@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from traction_bringup.replay import replay
-from traction_node.testing import NodeProcess, Probe, executable
+from traction_node.graph import NodeProcess, Probe, executable
 from tractor_io.bag import BagReader
 
 BAGS = Path(__file__).parents[1] / 'bags'

@@ -6,7 +6,7 @@ import pytest
 
 from traction_bringup.evaluation import judge, latency
 from traction_bringup.recording import read_recording
-from traction_node.testing import executable
+from traction_node.graph import executable
 
 TARGET = 0.2
 # Rear axle on the soft patch, m along the path; judged 2 s later.

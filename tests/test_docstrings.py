@@ -12,7 +12,7 @@ import pytest
 
 PACKAGES = ('traction_model', 'traction_controller', 'traction_node', 'tractor_io')
 # What the nodes need rclpy for; everything else is a core.
-SHELLS = {'traction_node.node', 'traction_node.run', 'traction_node.testing'}
+SHELLS = {'traction_node.node', 'traction_node.run', 'traction_node.graph'}
 
 
 def core_modules():

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from traction_node.testing import NodeProcess, Probe, executable
+from traction_node.graph import NodeProcess, Probe, executable
 
 BAG = Path(__file__).parents[1] / 'bags' / 'wheel_low_slip'
 

@@ -7,7 +7,7 @@ import pytest
 
 from traction_bringup.runner import RunningSystem
 from traction_bringup.system import system
-from traction_node.testing import NodeProcess, executable
+from traction_node.graph import NodeProcess, executable
 from traction_node.topics import topics
 
 TOPICS = topics()

@@ -9,7 +9,7 @@ import pytest
 from traction_bringup.picture import draw
 from traction_bringup.recording import read_recording
 from traction_bringup.replay import replay
-from traction_node.testing import executable
+from traction_node.graph import executable
 from tractor_io.bag import BagError, BagReader, BagWriter
 
 DRAWBAR = Path(__file__).resolve().parents[4] / 'bags' / 'wheel_drawbar'

@@ -11,7 +11,7 @@ from rcl_interfaces.srv import GetParameters
 
 from traction_bringup.runner import NodeEndedError, RunningSystem
 from traction_bringup.system import NodeSpec, system
-from traction_node.testing import executable
+from traction_node.graph import executable
 
 LAUNCH = Path(__file__).parents[1] / 'launch'
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 from traction_bringup.system import NodeSpec
 from traction_node import diagnostic
-from traction_node.testing import NodeProcess, Probe, executable
+from traction_node.graph import NodeProcess, Probe, executable
 
 START_TIMEOUT = 60.0
 """Longest time for all nodes to be ready, s: a cold disk and one slow core."""
@@ -43,7 +43,7 @@ class RunningSystem:
 
     Attributes
     ----------
-    probe : traction_node.testing.Probe
+    probe : traction_node.graph.Probe
         Watches the graph.
     processes : dict of str to NodeProcess
         The nodes by name.
@@ -84,7 +84,10 @@ class RunningSystem:
 
     def _await_ready(self, node: NodeSpec) -> None:
         def ready() -> bool:
-            self.check()
+            # A short drive may be over before anyone has heard of it.
+            self.check(may_end=[node.name])
+            if not self.processes[node.name].running:
+                return True
             newest = self.probe.diagnostics(node.name)[-1:]
             if not node.lifecycle:
                 return any(status.level == bytes([diagnostic.OK]) for status in newest)

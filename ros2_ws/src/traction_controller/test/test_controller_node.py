@@ -9,8 +9,8 @@ from std_msgs.msg import Float64
 from traction_controller.slip_control import ExitReason, LimitStatus, Mode
 from traction_interfaces.msg import SlipEstimate, TerrainEstimate
 from traction_node import diagnostic
+from traction_node.graph import NodeProcess, Probe, executable
 from traction_node.stamp import seconds, to_stamp
-from traction_node.testing import NodeProcess, Probe, executable
 
 NODE = 'slip_controller'
 WHEELS = ['fl', 'fr', 'rl', 'rr']

@@ -10,8 +10,8 @@ from traction_controller.slip_estimation import SlipEstimation, Source
 from traction_model.soil import load_soil
 from traction_model.vehicle import load_vehicle
 from traction_node import diagnostic
+from traction_node.graph import NodeProcess, Probe, executable
 from traction_node.stamp import seconds, to_stamp
-from traction_node.testing import NodeProcess, Probe, executable
 
 PARAMS = {'vehicle': 'single_wheel_rig', 'soil': 'paper_sand', 'autostart': True}
 NODE = 'slip_estimator'

@@ -9,8 +9,8 @@ from sensor_msgs.msg import JointState
 
 from traction_model.vehicle import load_vehicle
 from traction_node import diagnostic
+from traction_node.graph import NodeProcess, Probe, executable
 from traction_node.stamp import seconds, to_stamp
-from traction_node.testing import NodeProcess, Probe, executable
 
 WHEELS = list(load_vehicle('tractor_4wd').wheel_names)
 RATES = {
@@ -187,7 +187,7 @@ def test_as_fast_as_possible_with_clock(probe):
 
     probe.node.create_subscription(Clock, '/clock', on_clock, 10)
     wheels = probe.subscribe('wheel_states')
-    with plant(real_time_factor=0.0, duration=30.0) as node:
+    with plant(real_time_factor=0.0, duration=30.0, wait_for_torque=0.0) as node:
         probe.wait_for(lambda: not node.running, 20.0, 'end of 30 simulated seconds')
         # It ends by itself, having simulated all of them.
         assert node.wait() == 0

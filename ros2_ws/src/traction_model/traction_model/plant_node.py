@@ -9,7 +9,6 @@ from rosgraph_msgs.msg import Clock
 
 from traction_interfaces.msg import SlipEstimate
 from traction_model.contact import Form
-from traction_model.definition import DefinitionError
 from traction_model.sensors import Radar, RadarModel, Tachometer
 from traction_model.simulate import Drawbar, Plant
 from traction_model.soil import Terrain, load_soil
@@ -84,12 +83,16 @@ class PlantNode(TractionNode):
         Parameter(
             'real_time_factor',
             1.0,
-            'simulated per real time; 0: as fast as possible, waiting for the answer to every '
-            'wheel_states where something publishes wheel_torque. Unless 1, /clock is published '
-            'and stamps are simulated time',
+            'simulated per real time, 0.2 or more; 0: as fast as wheel_torque answers every '
+            'wheel_states. Unless 1, /clock is published and stamps are simulated time; the '
+            'gate goes on measuring its time-outs and rates in real time',
             minimum=0.0,
             maximum=100.0,
             read_only=True,
+        ),
+        Parameter(
+            'wait_for_torque', 5.0, 'as fast as possible: real time to wait for a first publisher '
+            'of wheel_torque before going on without', 's', 0.0, 60.0, read_only=True,
         ),
         Parameter(
             'duration', 0.0, 'simulated time after which the node ends; 0: never', 's', 0.0,
@@ -114,14 +117,16 @@ class PlantNode(TractionNode):
 
     def check_parameters(self, p):
         """Refuse definitions that cannot be loaded and lists that do not fit."""
+        if 0.0 < p.real_time_factor < 0.2:
+            raise ValueError(
+                f'real_time_factor {p.real_time_factor} is too slow: the torque gate takes '
+                'commands this far apart for a failure; give 0 or at least 0.2'
+            )
         self._build(p)
 
     def _build(self, p):
-        try:
-            vehicle = load_vehicle(p.vehicle)
-            soils = [load_soil(name) for name in p.soils]
-        except DefinitionError as error:
-            raise ValueError(str(error)) from error
+        vehicle = load_vehicle(p.vehicle)
+        soils = [load_soil(name) for name in p.soils]
         if len(p.soil_starts) != len(soils):
             raise ValueError(
                 f'{len(soils)} soils need as many soil_starts, got {len(p.soil_starts)}'
@@ -149,12 +154,12 @@ class PlantNode(TractionNode):
         )
         self._dt = 1.0 / p.rate
         self._steps = 0
+        self._came_due = Counter()
         self._torque = [0.0] * len(names)
         self._torque_steady = -math.inf
         self._answered = False
         self._refused = ''
 
-        self._came_due = Counter()
         self._outputs = {}
         self._messages = {}
         for name in ('wheel_states', 'radar', 'ground_truth/slip_estimate',
@@ -220,14 +225,16 @@ class PlantNode(TractionNode):
                     break
                 self._step()
             return
+        waited = time.monotonic() - self._stepped
         if self.count_publishers('wheel_torque'):
-            if time.monotonic() - self._stepped > self.p.torque_timeout:
+            # The step itself is made by the answer; without one, nothing drives any more.
+            if waited > self.p.torque_timeout:
                 self._step()
-            return
-        # Nobody to wait for; back to the executor now and then.
-        until = time.monotonic() + 0.005
-        while time.monotonic() < until:
-            self._step()
+        elif self._steps or waited > self.p.wait_for_torque:
+            # Nobody to wait for; back to the executor now and then.
+            until = time.monotonic() + 0.005
+            while time.monotonic() < until:
+                self._step()
 
     def _step(self):
         if self.finished.done():

@@ -11,8 +11,8 @@ from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 
 from traction_node import diagnostic
+from traction_node.graph import NodeProcess, Probe, executable
 from traction_node.stamp import to_stamp
-from traction_node.testing import NodeProcess, Probe, executable
 
 SAMPLE_NODES = Path(__file__).with_name('sample_nodes.py')
 

@@ -13,7 +13,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
-from traction_node.testing import NodeProcess, Probe, executable
+from traction_node.graph import NodeProcess, Probe, executable
 from tractor_io.bag import QOS, BagReader, BagWriter, typestore
 
 BAGS = Path(__file__).resolve().parents[4] / 'bags'

@@ -6,7 +6,7 @@ import time
 import pytest
 from sensor_msgs.msg import JointState
 
-from traction_node.testing import NodeProcess, Probe, executable
+from traction_node.graph import NodeProcess, Probe, executable
 
 WHEELS = ['fl', 'fr']
 PARAMETERS = {
