@@ -237,7 +237,12 @@ def test_same_seed_same_radar(probe):
     def run(seed):
         readings = probe.subscribe('radar')
         with plant(
-            real_time_factor=20.0, duration=1.0, radar_least_speed=0.0, radar_rate=10.0, seed=seed
+            # 2 s of wall time: enough for subscriber and plant to find each other.
+            real_time_factor=20.0,
+            duration=40.0,
+            radar_least_speed=0.0,
+            radar_rate=10.0,
+            seed=seed,
         ) as node:
             probe.wait_for(lambda: not node.running, 15.0, 'end')
         return {
