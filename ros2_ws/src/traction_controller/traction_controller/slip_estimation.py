@@ -362,7 +362,7 @@ class SlipEstimation:
         n = self.n_wheels
         self.t: float | None = None
         self._x = np.concatenate([[0.0, 0.0], self._strengths])
-        # Speed unknown by 1 m/s, strength by 40 %.
+        # Strength unknown by 40 %; speed is found with the first reading of the wheels.
         self._p = np.diag([1.0, 0.0, *[0.4**2] * n])
         forget(self._p, RESISTANCE, self._unknown_resistance**2)
         self._radar_t = -math.inf
@@ -463,7 +463,10 @@ class SlipEstimation:
             self._smooth_omega = omega.copy()
             self._smooth_drive = drive.copy()
             self._omega = omega.copy()
-            self._x[SPEED] = float(np.median(radii * omega))
+            # Rolling, give or take half of it: the wheels may be slipping already.
+            rim = float(np.median(radii * omega))
+            self._x[SPEED] = rim
+            forget(self._p, SPEED, 1.0 + (0.5 * rim) ** 2)
             self.thrust = drive / radii
         elif dt > 0.0:
             # One and the same filter on torque and on the wheel's acceleration, so that their
