@@ -48,7 +48,9 @@ def test_signal_ends_an_unconfigured_node_cleanly(probe):
     with sample() as node:
         assert probe.state('sample') == 'unconfigured'
         assert node.interrupt() == 0
-        assert node.output == ''
+        # The middleware may tell of an answer that it could not deliver; nothing else is said.
+        said = [line for line in node.output.splitlines() if 'receive response' not in line]
+        assert said == []
 
 
 @pytest.mark.parametrize(
@@ -200,7 +202,14 @@ def test_defect_in_a_callback_ends_the_node_with_its_traceback(probe):
         probe.wait_for(lambda: targets, 15.0, 'slip_target')
         radar = TwistWithCovarianceStamped()
         radar.twist.twist.linear.x = -1.0
-        probe.publisher('radar').publish(radar)
+        publisher = probe.publisher('radar')
+
+        def sent_and_ended():
+            # Best effort: the first may be lost on a subscriber that has only just been met.
+            publisher.publish(radar)
+            return not node.running
+
+        probe.wait_for(sent_and_ended, 15.0, 'end of the node')
         assert node.wait() == 1
         assert 'RuntimeError: a defect in a callback' in node.output
         # Even so, its last word was the safe one.

@@ -31,6 +31,8 @@ from traction_node.topics import message_class, topic
 
 END_TIMEOUT = 15.0  # [s]
 SERVICE_TIMEOUT = 15.0  # [s]
+ANSWER_TIMEOUT = 5.0  # [s]
+ASKED_AT_MOST = 3
 DEPTH = 1000  # messages kept for a probe that is busy
 
 
@@ -214,6 +216,10 @@ class NodeProcess:
         return self.wait()
 
 
+class _NoAnswerError(TimeoutError):
+    """A service that is there did not answer."""
+
+
 class Probe:
     """A node of the test itself, with a context and an executor of its own.
 
@@ -325,15 +331,19 @@ class Probe:
         """
         if name not in self._publishers:
             row = topic(name)
-            publisher = self.node.create_publisher(message_class(row.type), name, QOS[row.qos])
-            self.wait_for(
-                publisher.get_subscription_count, SERVICE_TIMEOUT, f'subscriber of {name}'
+            self._publishers[name] = self.node.create_publisher(
+                message_class(row.type), name, QOS[row.qos]
             )
-            self._publishers[name] = publisher
-        return self._publishers[name]
+        publisher = self._publishers[name]
+        # Every time, as the node that listened before may have gone.
+        self.wait_for(publisher.get_subscription_count, SERVICE_TIMEOUT, f'subscriber of {name}')
+        return publisher
 
     def call(self, service_type, name, request):
         """Call a service and wait for its answer.
+
+        DDS may lose the answer to a client that the server has only just met, so a service
+        that stays silent is asked again: it must bear that.
 
         Parameters
         ----------
@@ -346,13 +356,28 @@ class Probe:
         -------
         object
             Response.
+
+        Raises
+        ------
+        TimeoutError
+            Naming the service, if it is not there or never answers.
         """
+        for _ in range(ASKED_AT_MOST):
+            with contextlib.suppress(_NoAnswerError):
+                return self._ask(service_type, name, request)
+        raise TimeoutError(f'no answer of {name}, asked {ASKED_AT_MOST} times')
+
+    def _ask(self, service_type, name, request):
         if name not in self._clients:
             self._clients[name] = self.node.create_client(service_type, name)
         client = self._clients[name]
         self.wait_for(client.service_is_ready, SERVICE_TIMEOUT, f'service {name}')
         future = client.call_async(request)
-        self.wait_for(future.done, SERVICE_TIMEOUT, f'answer of {name}')
+        try:
+            self.wait_for(future.done, ANSWER_TIMEOUT, f'answer of {name}')
+        except TimeoutError as error:
+            client.remove_pending_request(future)
+            raise _NoAnswerError from error
         return future.result()
 
     def change_state(self, node, transition):
@@ -371,7 +396,14 @@ class Probe:
             True if the node did it.
         """
         request = ChangeState.Request(transition=Transition(label=transition))
-        return self.call(ChangeState, f'{node}/change_state', request).success
+        before = self.state(node)
+        try:
+            return self._ask(ChangeState, f'{node}/change_state', request).success
+        except _NoAnswerError:
+            # Only the answer may have been lost: a second request would then be refused.
+            if self.state(node) != before:
+                return True
+            return self.call(ChangeState, f'{node}/change_state', request).success
 
     def state(self, node):
         """State of a lifecycle node, such as 'active'."""
