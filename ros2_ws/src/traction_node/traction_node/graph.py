@@ -33,6 +33,7 @@ END_TIMEOUT = 15.0  # [s]
 SERVICE_TIMEOUT = 15.0  # [s]
 ANSWER_TIMEOUT = 5.0  # [s]
 ASKED_AT_MOST = 3
+SETTLE_TIME = 0.2  # [s]
 DEPTH = 1000  # messages kept for a probe that is busy
 
 
@@ -336,7 +337,13 @@ class Probe:
             )
         publisher = self._publishers[name]
         # Every time, as the node that listened before may have gone.
-        self.wait_for(publisher.get_subscription_count, SERVICE_TIMEOUT, f'subscriber of {name}')
+        if not publisher.get_subscription_count():
+            self.wait_for(
+                publisher.get_subscription_count, SERVICE_TIMEOUT, f'subscriber of {name}'
+            )
+            # A match is known here before it is known there, and until then best-effort messages
+            # are lost; nothing tells when it is known there.
+            self.run_for(SETTLE_TIME)
         return publisher
 
     def call(self, service_type, name, request):
