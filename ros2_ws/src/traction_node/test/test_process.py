@@ -201,7 +201,14 @@ def test_defect_in_a_callback_ends_the_node_with_its_traceback(probe):
         probe.wait_for(lambda: targets, 15.0, 'slip_target')
         radar = TwistWithCovarianceStamped()
         radar.twist.twist.linear.x = -1.0
-        probe.publisher('radar').publish(radar)
+        publisher = probe.publisher('radar')
+
+        def sent_and_ended():
+            # Best effort: the first may be lost on a subscriber that has only just been met.
+            publisher.publish(radar)
+            return not node.running
+
+        probe.wait_for(sent_and_ended, 15.0, 'end of the node')
         assert node.wait() == 1
         assert 'RuntimeError: a defect in a callback' in node.output
         # Even so, its last word was the safe one.
