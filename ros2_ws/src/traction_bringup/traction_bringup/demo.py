@@ -16,6 +16,7 @@ from traction_bringup.picture import draw
 from traction_bringup.recording import Recording, read_recording
 from traction_bringup.runner import RunningSystem, keep_local
 from traction_bringup.system import config, system
+from traction_node.stamp import seconds
 
 SETTLE = 2.0
 """Time after the rear axle is on the soft patch from which slip is judged, s."""
@@ -109,7 +110,7 @@ def _drive(bag: Path, controlled: bool, title: str, duration: float, console: Co
                 if not odometry:
                     return
                 newest = odometry[-1]
-                stamp = newest.header.stamp.sec + newest.header.stamp.nanosec * 1e-9
+                stamp = seconds(newest.header.stamp)
                 if not began:
                     began.append(stamp)
                 del odometry[:-1]

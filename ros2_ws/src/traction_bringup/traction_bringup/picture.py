@@ -78,13 +78,22 @@ def draw(
     figure.savefig(path, dpi=110)
 
 
-def _lines(axis: Axes, series: Series, names: Sequence[str], scale: float = 1.0) -> None:
+def _lines(
+    axis: Axes,
+    series: Series,
+    names: Sequence[str],
+    *,
+    scale: float = 1.0,
+    label: str = '',
+    width: float = 1.2,
+) -> None:
     """One line a wheel; left and right of an axle look alike but for the dashes."""
     axles = list(dict.fromkeys(name[0] for name in names))
     for j, name in enumerate(names):
         colour = _COLOURS[axles.index(name[0]) % len(_COLOURS)]
         dashed = '--' if len(names) > 1 and name.endswith('r') else '-'
-        axis.plot(series.t, scale * series.values[:, j], dashed, color=colour, lw=1.2, label=name)
+        values = scale * series.values[:, j]
+        axis.plot(series.t, values, dashed, color=colour, lw=width, label=name + label)
 
 
 def _draw_slip(axis: Axes, recording: Recording, target: float | None) -> None:
@@ -105,13 +114,7 @@ def _draw_slip(axis: Axes, recording: Recording, target: float | None) -> None:
 
 def _draw_speed(axis: Axes, recording: Recording) -> None:
     if 'rim_speed' in recording:
-        rims = recording['rim_speed']
-        names = [f'{name} rim' for name in recording.wheel_names]
-        axles = list(dict.fromkeys(name[0] for name in recording.wheel_names))
-        for j, name in enumerate(recording.wheel_names):
-            colour = _COLOURS[axles.index(name[0]) % len(_COLOURS)]
-            dashed = '--' if len(names) > 1 and name.endswith('r') else '-'
-            axis.plot(rims.t, rims.values[:, j], dashed, color=colour, lw=1.0, label=names[j])
+        _lines(axis, recording['rim_speed'], recording.wheel_names, label=' rim', width=1.0)
     for kind, label in (('speed', 'over ground'), ('speed_estimate', 'over ground, estimated')):
         if kind in recording:
             series = recording[kind]
@@ -127,7 +130,7 @@ def _draw_speed(axis: Axes, recording: Recording) -> None:
 
 
 def _draw_torque(axis: Axes, recording: Recording) -> None:
-    _lines(axis, recording['shaft_torque'], recording.wheel_names, 1e-3)
+    _lines(axis, recording['shaft_torque'], recording.wheel_names, scale=1e-3)
     if 'torque_request' in recording:
         request = recording['torque_request']
         for j in range(request.values.shape[1]):

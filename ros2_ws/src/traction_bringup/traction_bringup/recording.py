@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from traction_node.stamp import nanoseconds
 from tractor_io.bag import BagError, BagReader
 
 Array = NDArray[np.float64]
@@ -170,8 +171,7 @@ def read_recording(path: Path | str) -> Recording:
                 continue
             if topic == 'wheel_states' and not names:
                 names = tuple(message.message.name)
-            stamp = message.message.header.stamp
-            ns = stamp.sec * 1_000_000_000 + stamp.nanosec
+            ns = nanoseconds(message.message.header.stamp)
             collected[topic].append((ns, message.time, message.message))
     # The drive starts with the first torque asked for; a bag without such starts it.
     begun = ('torque_request', 'wheel_torque_command', 'wheel_states')

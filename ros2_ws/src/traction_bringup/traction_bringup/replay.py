@@ -11,6 +11,7 @@ from traction_controller.slip_estimation import SlipEstimation
 from traction_model.soil import load_soil
 from traction_model.vehicle import load_vehicle
 from traction_node.joints import JointOrder
+from traction_node.stamp import nanoseconds
 from tractor_io.bag import BagError, BagReader
 
 
@@ -103,8 +104,7 @@ def replay(
         for message in bag.messages(sorted(topics)):
             if progress is not None:
                 progress((message.time - start) / max(1, end - start))
-            stamp = message.message.header.stamp
-            ns = stamp.sec * 1_000_000_000 + stamp.nanosec
+            ns = nanoseconds(message.message.header.stamp)
             t = (ns - start) * 1e-9
             content = message.message
             kind = message.topic.removeprefix(prefix)

@@ -363,8 +363,7 @@ class SlipEstimation:
         self.t: float | None = None
         self._x = np.concatenate([[0.0, 0.0], self._strengths])
         # Strength unknown by 40 %; speed is found with the first reading of the wheels.
-        self._p = np.diag([1.0, 0.0, *[0.4**2] * n])
-        forget(self._p, RESISTANCE, self._unknown_resistance**2)
+        self._p = np.diag([1.0, self._unknown_resistance**2, *[0.4**2] * n])
         self._radar_t = -math.inf
         self._disbelieved_since: float | None = None
         self._surprise = 0.0

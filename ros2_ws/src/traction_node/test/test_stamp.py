@@ -5,11 +5,15 @@ from types import SimpleNamespace
 from hypothesis import given
 from hypothesis import strategies as st
 
-from traction_node.stamp import between, seconds, to_stamp
+from traction_node.stamp import between, nanoseconds, seconds, to_stamp
 
 
 def stamp(sec=0, nanosec=0):
     return SimpleNamespace(sec=sec, nanosec=nanosec)
+
+
+def test_nanoseconds_are_exact_near_the_present_date():
+    assert nanoseconds(stamp(1_795_312_098, 864_136_933)) == 1_795_312_098_864_136_933
 
 
 def test_seconds():

@@ -29,6 +29,22 @@ def seconds(stamp: Stamp) -> float:
     return stamp.sec + stamp.nanosec / NANOSECONDS
 
 
+def nanoseconds(stamp: Stamp) -> int:
+    """Time of a stamp, exact.
+
+    Parameters
+    ----------
+    stamp : Stamp
+        Stamp of a message.
+
+    Returns
+    -------
+    int
+        Time [ns].
+    """
+    return stamp.sec * NANOSECONDS + stamp.nanosec
+
+
 def between(earlier: Stamp, later: Stamp) -> float:
     """Time from one stamp to another, exact to the nanosecond.
 
