@@ -335,7 +335,7 @@ def test_what_simulate_refuses():
     refused('sinkage needs at least 11 samples, got 5', torque=np.zeros((5, 4)), sinkage=np.zeros((5, 4)))
     refused('shear_step must be at least 0 s, got -1', shear_step=-1)
     refused(r'sinkage0 must have shape \(4,\), got \(2,\)', sinkage0=[0.1, 0.1])
-    refused('x0, v0, omega0 and sinkage0 must be finite, got 0.0 m, nan m/s', v0=math.nan)
+    refused('x0, v0, omega0, sinkage0 and sinkage_rate0 must be finite, got 0.0 m, nan m/s', v0=math.nan)
     refused(r'omega0 must have shape \(4,\), got \(2,\)', omega0=[1.0, 2.0])
     # A number for every wheel, not one that is spread over all.
     refused(r'omega0 must have shape \(4,\), got \(\)', omega0=1.0)

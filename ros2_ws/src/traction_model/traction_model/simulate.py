@@ -654,6 +654,7 @@ def simulate(
     v0: float = 0.0,
     omega0: ArrayLike | None = None,
     sinkage0: ArrayLike | None = None,
+    sinkage_rate0: ArrayLike | None = None,
 ) -> Trajectory:
     """Simulate a vehicle under recorded torque.
 
@@ -691,6 +692,8 @@ def simulate(
         Wheel speeds at `t0`, rad/s; rolling without slip when not given.
     sinkage0 : array_like, shape (n,), optional
         Sinkages at `t0`, m, where sinkage is a state; those at rest when not given.
+    sinkage_rate0 : array_like, shape (n,), optional
+        Their rates, m/s, downward positive; 0 when not given.
 
     Returns
     -------
@@ -718,20 +721,21 @@ def simulate(
     model = _model(vehicle, terrain, form, mode, drawbar, multipass, shear_step)
 
     radii = np.array([wheel.radius for wheel in vehicle.wheels])
-    rolling = v0 / radii if omega0 is None else np.asarray(omega0, dtype=float)
-    if rolling.shape != (n,):
-        raise ValueError(f'omega0 must have shape ({n},), got {rolling.shape}')
     start = initial_state(vehicle, terrain, form)
-    if sinkage0 is not None:
-        if np.shape(sinkage0) != (n,):
-            raise ValueError(f'sinkage0 must have shape ({n},), got {np.shape(sinkage0)}')
-        start[FIRST_WHEEL + n : FIRST_WHEEL + 2 * n] = sinkage0
     start[SPEED], start[DISTANCE] = v0, x0
-    start[FIRST_WHEEL : FIRST_WHEEL + n] = rolling
+    # Rolling without slip, where nothing else is said.
+    start[FIRST_WHEEL : FIRST_WHEEL + n] = v0 / radii
+    for k, (name, values) in enumerate(
+        (('omega0', omega0), ('sinkage0', sinkage0), ('sinkage_rate0', sinkage_rate0))
+    ):
+        if values is not None:
+            if np.shape(values) != (n,):
+                raise ValueError(f'{name} must have shape ({n},), got {np.shape(values)}')
+            start[FIRST_WHEEL + k * n : FIRST_WHEEL + (k + 1) * n] = values
     if not np.all(np.isfinite(start)):
         raise ValueError(
-            f'x0, v0, omega0 and sinkage0 must be finite, got {x0} m, {v0} m/s, '
-            f'{omega0!r} rad/s and {sinkage0!r} m'
+            f'x0, v0, omega0, sinkage0 and sinkage_rate0 must be finite, got {x0} m, {v0} m/s, '
+            f'{omega0!r} rad/s, {sinkage0!r} m and {sinkage_rate0!r} m/s'
         )
     states, forces = _integrate(t0, dt, start, torque, given, model, _fresh_ruts(vehicle))
 
