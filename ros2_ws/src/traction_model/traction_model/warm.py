@@ -1,8 +1,10 @@
 """Compile the kernels once, so that a node does not have to when it starts."""
 
 from traction_model.contact import Form
+from traction_model.empirical import Brixius
 from traction_model.simulate import Plant, simulate
 from traction_model.soil import Terrain, load_soil
+from traction_model.tractive import tractive_figures
 from traction_model.vehicle import load_vehicle
 
 
@@ -12,6 +14,8 @@ def main() -> None:
     terrain = Terrain(load_soil('paper_sand'))
     for form in Form:
         Plant(vehicle, terrain, form=form).step([100.0], 0.01)
+    tractive_figures(load_soil('paper_sand'), vehicle, [0.1])
+    Brixius(mobility_number=30).net_traction_ratio([0.1])
     simulate(vehicle, terrain, [[0.0], [100.0], [100.0]], 0.01)
 
 
