@@ -23,13 +23,15 @@ from traction_model.contact import (
     LEAST_TRANSIT_SPEED,
     UNTOUCHED,
     Form,
+    check_form,
     forces_at,
     sinkage_at,
 )
+from traction_model.empirical import curve_ratios
 from traction_model.kernel import kernel
 from traction_model.rut import Ruts, fresh_ruts, press_rut
 from traction_model.slip import LEAST_SPEED, is_valid, slip
-from traction_model.soil import COHESION, DAMPING, SHEAR_MODULUS, TAN_PHI, Soil
+from traction_model.soil import COHESION, CURVE, DAMPING, SHEAR_MODULUS, TAN_PHI, Soil
 from traction_model.terrain import Terrain, soil_row
 from traction_model.vehicle import AIR_DENSITY, GRAVITY, Vehicle
 from traction_model.wheel import (
@@ -92,7 +94,7 @@ class Model(NamedTuple):
         Packed wheels, SI units.
     spread : ndarray, shape (n, 2)
         Load of a wheel, N, per N of total load and per N*m of its moment.
-    soils : ndarray, shape (n, k, 11)
+    soils : ndarray, shape (n, k, 17)
         Packed soils as each wheel meets them, SI units.
     starts : ndarray, shape (k,)
         Where each soil begins, m, the first minus infinity.
@@ -313,6 +315,9 @@ def steps_for(dt, y, model, forces):
         strength = soil[COHESION] * wheel[WIDTH] * length + forces[j, 5] * soil[TAN_PHI]
         speed = max(abs(v), radius * abs(y[FIRST_WHEEL + j]), LEAST_TRANSIT_SPEED)
         stiffness = strength * length / soil[SHEAR_MODULUS] / speed
+        if model.form == 3:
+            rise = curve_ratios(soil[CURVE:], 1e-3)[0] - curve_ratios(soil[CURVE:], 0.0)[0]
+            stiffness = forces[j, 5] * rise / 1e-3 / speed
         shared += stiffness / model.mass
         fastest = max(fastest, stiffness * radius * radius / wheel[INERTIA])
         if model.mode == 0:
@@ -501,7 +506,13 @@ class Plant:
         self.forces[:, 0] = vehicle.static_loads()
         self._not_given = np.zeros((3, self.n_wheels))
         derivative(
-            0.0, self.state, self.shaft_torque, self._not_given, self._model, self._ruts, self.forces
+            0.0,
+            self.state,
+            self.shaft_torque,
+            self._not_given,
+            self._model,
+            self._ruts,
+            self.forces,
         )
 
     @property
@@ -773,6 +784,7 @@ def _model(
     if sinkage not in SINKAGE_MODES:
         raise ValueError(f"sinkage must be 'dynamic', 'equilibrium' or samples, got {sinkage!r}")
     terrain = _terrain(terrain)
+    check_form(form, terrain.soils)
     cg_x, cg_height = vehicle.centre_of_gravity
     return Model(
         form=int(form),
@@ -807,9 +819,7 @@ def _with_rates(depth: Array, dt: float) -> Array:
     window = max(5, 2 * round(SMOOTHED / dt / 2) + 1)
     if len(depth) < window:
         raise ValueError(f'sinkage needs at least {window} samples, got {len(depth)}')
-    rates = [
-        savgol_filter(depth, window, 2, deriv=order, delta=dt, axis=0) for order in (1, 2)
-    ]
+    rates = [savgol_filter(depth, window, 2, deriv=order, delta=dt, axis=0) for order in (1, 2)]
     return np.ascontiguousarray(np.stack([depth, *rates], axis=1))
 
 
