@@ -23,7 +23,6 @@ import numpy as np
 from traction_model.empirical import curve_ratios
 from traction_model.kernel import kernel
 from traction_model.rut import fresh_ruts, rut_at
-from traction_model.slip import slip
 from traction_model.soil import (
     COHESION,
     CURVE,
@@ -221,21 +220,21 @@ def plate_contact(form, v, omega, z, z_rate, soil, radius, width, imposed):
 
     # Fades out at standstill, where resistance has no direction.
     rolling = max(-1.0, min(1.0, v / LEAST_TRANSIT_SPEED))
+    # Slip along the path, which passes evenly through standstill.
+    rim = radius * omega
+    slipping = (rim - v) / max(abs(v), abs(rim), LEAST_TRANSIT_SPEED)
+    slipping = max(-1.0, min(1.0, slipping))
     if form == 3:
-        # Along the path positive, and finite at standstill.
-        rim = radius * omega
-        slipping = (rim - v) / max(abs(v), abs(rim), LEAST_TRANSIT_SPEED)
         gross, drag = curve_ratios(soil[CURVE:], slipping)
         backward, _ = curve_ratios(soil[CURVE:], -slipping)
         thrust = load * ((1.0 + rolling) * gross - (1.0 - rolling) * backward) / 2.0
         return load, thrust, rolling * load * drag, radius * thrust
-    slipping = slip(v, radius * omega)
     y = abs(slipping) * length / soil[SHEAR_MODULUS]
     if form == 0:
         share = 1.0 - min(1.0, 1.0 / y) if y > 0.0 else 0.0
     else:
         share = mean_mobilised(y, soil)
-    direction = 1.0 if radius * omega >= v else -1.0
+    direction = 1.0 if rim >= v else -1.0
     thrust = direction * strength * area * share
     resistance = rolling * width * load * z / ((soil[N_EXP] + 1.0) * area)
     return load, thrust, resistance, radius * thrust
@@ -481,6 +480,13 @@ def arc_contact(
         friction *= scale
         friction_moment *= scale
         compaction *= scale
+    # Soil that presses on a wheel which turns against the motion gives back no more than
+    # shearing and sinking take.
+    rim = radius * omega
+    taken = (friction_moment + cohesion_moment) * rim - (friction + cohesion) * v
+    taken = max(taken + load * max(z_rate, 0.0), 0.0)
+    if -compaction * rim > taken:
+        compaction = -taken / rim
     resistance = compaction
     moment = radius * (friction_moment + cohesion_moment + compaction)
     return load, friction + cohesion + resistance, resistance, moment, left
