@@ -500,9 +500,10 @@ def arc_contact(
         friction *= scale
         friction_moment *= scale
         compaction *= scale
-    # Soil that presses on a wheel which turns against the motion gives back no more than
-    # shearing and sinking take.
+    # Harder soil on one side does not turn a wheel that stands, and soil that presses on one
+    # which turns against the motion gives back no more than shearing and sinking take.
     rim = radius * omega
+    compaction *= min(1.0, max(abs(v), abs(rim)) / LEAST_TRANSIT_SPEED)
     taken = (friction_moment + cohesion_moment) * rim - (friction + cohesion) * v
     taken = max(taken + load * max(z_rate, 0.0), 0.0)
     if -compaction * rim > taken:
