@@ -320,8 +320,14 @@ def one_way(v, omega, z, z_rate, side, x, soils, starts, radius, width, depth, s
     rim = radius * omega
     # Where rim and ground go at the same speed, and where soil that was pressed before yields
     # again, stresses jump or have a kink.
-    ratio = v / rim if rim != 0.0 else 0.0
-    turning = math.acos(ratio) if 0.0 < ratio < 1.0 else math.pi
+    # Below `turning` either way the rim goes as it turns, beyond against the wheel's motion.
+    turning = math.pi
+    if rim == 0.0 or v / rim >= 1.0:
+        turning = -math.pi
+    elif v / rim > 0.0:
+        turning = math.acos(v / rim)
+    inner = 1.0 if rim > 0.0 else -1.0
+    outer = 1.0 if v < 0.0 else -1.0
     yields = math.acos(1.0 - (z - depth) / radius) if 0.0 < depth < z else math.pi
 
     load = 0.0
@@ -368,7 +374,7 @@ def one_way(v, omega, z, z_rate, side, x, soils, starts, radius, width, depth, s
                     stop = place
             span = start - stop
             middle = (start + stop) / 2.0
-            direction = 1.0 if rim * math.cos(middle) > v else -1.0
+            direction = inner if abs(middle) < turning else outer
             # Antiderivative of the rim's speed over the ground, (rim*cos s - v)*cos s.
             swept_before = rim * (start + math.sin(start) * math.cos(start)) / 2.0
             swept_before -= v * math.sin(start)
