@@ -137,7 +137,7 @@ def mobilised(displacement, soil):
     Returns
     -------
     float
-        g, dimensionless, 0 to 1.
+        g, dimensionless, 0 to 1; by Wong and Preston-Thomas up to 1.08.
     """
     y = displacement / soil[SHEAR_MODULUS]
     if soil[SHEAR_LAW] == 0.0:
@@ -162,7 +162,7 @@ def mean_mobilised(y, soil):
     Returns
     -------
     float
-        ``1 - kappa``, dimensionless, 0 to 1.
+        ``1 - kappa``, dimensionless, 0 to 1; by Wong and Preston-Thomas up to 1.08.
     """
     deficit = shear_deficit(y)
     if soil[SHEAR_LAW] == 0.0:
@@ -542,7 +542,8 @@ def forces_at(
     radius, width : float
         r and b, m.
     track : int
-        Which rut it runs in, -1 for none; the closed forms take all soil for fresh.
+        Which rut it runs in, -1 for none; the closed forms take all soil for fresh, and for
+        that under the centre.
     ruts : Ruts
         What wheels have left so far.
     imposed : float
