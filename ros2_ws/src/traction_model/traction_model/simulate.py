@@ -294,8 +294,9 @@ def steps_for(dt, y, model, forces):
     """Steps of Runge-Kutta 4 that a time takes: near standstill forces answer very quickly.
 
     The fastest rate is that of slip, ``C*(1/m + r^2/J)/(r*omega)`` (see `traction_model.lpv`),
-    with the slip stiffness C at most ``(c*A + N*tan(phi))*l/K``, more with a hump; or that of sinkage, which soil
-    resists by its damping D and, in the arc, by the contact that it gains behind the wheel.
+    with the slip stiffness C at most ``(c*A + N*tan(phi))*l/K``, more with a hump; or that of
+    sinkage, which soil resists by its damping D and, in the arc, by the contact that it gains
+    behind the wheel.
 
     Parameters
     ----------
