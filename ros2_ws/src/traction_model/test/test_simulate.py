@@ -290,10 +290,11 @@ def test_at_rest_stays_at_rest(form, vehicle):
 
 
 def test_coasting_vehicle_comes_to_rest():
-    run = simulate(TRACTOR, LOAM, constant([0.0] * 4, 20.0), 0.005, v0=3.0)
+    run = simulate(TRACTOR, LOAM, constant([0.0] * 4, 8.0), 0.005, v0=3.0)
     assert np.max(run.v) == 3.0
-    assert abs(run.v[-1]) < 1e-3
-    assert np.all(np.abs(run.omega[-1]) < 1e-2)
+    # In proportion to its speed below 0.05 m/s, and so to nothing soon.
+    assert abs(run.v[-1]) < 1e-9
+    assert np.all(np.abs(run.omega[-1]) < 1e-8)
 
 
 SHEAR_LAWS = [
