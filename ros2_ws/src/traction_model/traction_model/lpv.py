@@ -252,7 +252,7 @@ class LpvModel:
                 parameter('resistance_gradient', 'N/m', 0.0, gradient),
             ]  # fmt: skip
             return {entry.name: entry for entry in found}
-        area = parameter('area', 'm^2', width * least_length, width * self._radius)
+        area = parameter('area', 'm^2', width * least_length, 2 * width * self._radius)
         # The shear stress nowhere exceeds the strength, whose mean over A is tau_max: 1, with
         # room for grousers and for laws with a hump.
         mobilisation = parameter('mobilisation', '1', -1.5, 1.5)
@@ -339,9 +339,10 @@ class LpvModel:
             if np.any(wrong):
                 j = int(np.flatnonzero(wrong)[0])
                 whose = f" of wheel '{self.vehicle.wheel_names[j]}'" if len(entries) > 1 else ''
+                unit = '' if parameter.unit == '1' else f' {parameter.unit}'
                 gap = ' without -1 to 1' if parameter.reciprocal else ''
                 raise ValueError(
-                    f'{name}{whose} is {entries[j]:g} {parameter.unit}, out of its range '
+                    f'{name}{whose} is {entries[j]:g}{unit}, out of its range '
                     f'{parameter.low[j]:g} to {parameter.high[j]:g}{gap}'
                 )
             checked[name] = entries
@@ -528,7 +529,9 @@ class LpvModel:
                 )
             ]
         )
-        slipping = np.array([slip(v, self._radius[j] * omega[j]) for j in wheels])
+        # Signed as the thrust is, which slip is not in reverse.
+        rim = self._radius * omega
+        slipping = [math.copysign(slip(v, rim[j]), rim[j] - v) for j in wheels]
         values: dict[str, ArrayLike] = {
             'heading': max(-1.0, min(1.0, v / LEAST_TRANSIT_SPEED)),
             'sinkage_exponent': [soil.sinkage_exponent for soil in soils],
@@ -575,7 +578,7 @@ class LpvModel:
         # Slopes over wheel speed at constant v, the other state.
         shear_slope, moment_slope = np.empty(n), np.empty(n)
         for j in range(n):
-            h = 1e-4 * max(abs(omega[j]), abs(v) / self._radius[j])
+            h = 1e-5 * max(abs(omega[j]), abs(v) / self._radius[j])
             above = self._contact(j, v, omega[j] + h, z[j], z_rate[j], packed[j])
             below = self._contact(j, v, omega[j] - h, z[j], z_rate[j], packed[j])
             shear_slope[j] = (above.shear - below.shear) / (2 * h)

@@ -347,9 +347,8 @@ class Polytope:
                 f'{affine.low[k]:g} to {affine.high[k]:g}'
             )
         weights = np.ones(1)
-        for k in self.varying:
-            share = (place[k] - affine.low[k]) / (affine.high[k] - affine.low[k])
-            share = min(1.0, max(0.0, share))
+        shares = (place - affine.low)[self.varying] / (affine.high - affine.low)[self.varying]
+        for share in np.clip(shares, 0.0, 1.0):
             weights = np.concatenate([weights * (1 - share), weights * share])
         return weights
 
