@@ -983,7 +983,8 @@ def test_slip_states_know_their_limits():
     with pytest.raises(ValueError, match=r'slip of wheel|slip is 1|slip.* out of its range'):
         slow.at(0.06, [50.0], [0.05], soil)
     rolling = LpvModel(RIG, state='inverse_slip')
-    with pytest.raises(ValueError, match='inverse_slip'):
+    with pytest.raises(ValueError, match='inverse_slip must be finite'):
         rolling.at(1.0, [2.0], [0.05], soil)
-    with pytest.raises(ValueError, match='inverse_slip'):
-        rolling.at(1.0, [2.001], [0.05], soil)
+    # 1/i = rim/(rim - v) = 1.001/0.001.
+    with pytest.raises(ValueError, match='inverse_slip is 1001, out of its range -100 to 100'):
+        rolling.at(1.0, [2.002], [0.05], soil)

@@ -578,7 +578,7 @@ class LpvModel:
         # Slopes over wheel speed at constant v, the other state.
         shear_slope, moment_slope = np.empty(n), np.empty(n)
         for j in range(n):
-            h = 1e-5 * max(abs(omega[j]), abs(v) / self._radius[j])
+            h = 1e-5 * max(abs(omega[j]), max(abs(v), LEAST_TRANSIT_SPEED) / self._radius[j])
             above = self._contact(j, v, omega[j] + h, z[j], z_rate[j], packed[j])
             below = self._contact(j, v, omega[j] - h, z[j], z_rate[j], packed[j])
             shear_slope[j] = (above.shear - below.shear) / (2 * h)
@@ -589,13 +589,11 @@ class LpvModel:
             'inverse_slip': [self._inverse_slip(value) for value in slipping],
             'resistance_gradient': gradient,
         }
-        # Speed and slips are checked first: what follows divides by them.
-        for name in ('slip_stiffness', 'moment_stiffness'):
-            values[name] = np.zeros(n)
-        self.schedule(**{name: values[name] for name in self.parameters})
-        per_speed = _slip_slopes(v, slipping)[1] * self._radius
-        values['slip_stiffness'] = shear_slope / per_speed
-        values['moment_stiffness'] = moment_slope / per_speed
+        # Where these divide by zero, speed or slip is out of range, as the check below tells.
+        with np.errstate(divide='ignore', invalid='ignore'):
+            per_speed = _slip_slopes(v, slipping)[1] * self._radius
+            values['slip_stiffness'] = shear_slope / per_speed
+            values['moment_stiffness'] = moment_slope / per_speed
         rho = self.schedule(**{name: values[name] for name in self.parameters})
 
         states = rho[self.state][list(self.independent)]
