@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from traction_model.contact import Form, contact, equilibrium_sinkage
+from traction_model.contact import UNTOUCHED, Form, contact, equilibrium_sinkage
 from traction_model.coupling import Coupling, constraint_matrix
 from traction_model.lpv import (
     LpvModel,
@@ -146,14 +146,14 @@ N_WHEELS = pytest.mark.parametrize('n', [1, 2, 4, 6, 8])
 
 
 def vehicle(n):
-    """A vehicle of n wheels, every axle with wheels of its own size, inertia and friction."""
+    """A vehicle of n wheels, every axle with wheels and grousers of its own."""
     axles = [
         Axle(
             wheel_names=tuple(f'w{j}' for j in range(2 * k, min(2 * k + 2, n))),
             x=3.0 - k,
             wheel=Wheel(
                 radius=0.5 + 0.1 * k, width=0.3 + 0.05 * k, inertia=15 + 5 * k,
-                viscous_friction=4 + k, mass=50,
+                viscous_friction=4 + k, mass=50, grouser_height=0.02 * k,
             ),
         )
         for k in range((n + 1) // 2)
@@ -171,12 +171,22 @@ def radii(of):
     return np.array([wheel.radius for wheel in of.wheels])
 
 
-def motion(of, form, soil, v, omega, z, z_rate, torque, given_force):
-    """v' and omega' by the nonlinear equations of the simulation, sinkage given."""
+# Soil that springs back, strengthens with width and loses strength as it is sheared.
+PEAT = Soil(
+    pressure_law='reece', cohesive_modulus=20, frictional_modulus=60, unit_weight=9000,
+    sinkage_exponent=0.8, cohesion=1500, friction_angle=0.5, shear_law='kacigin_guskov',
+    shear_deformation_modulus=0.02, residual_ratio=0.6, elastic_modulus=2e7,
+)  # fmt: skip
+SOILS = {**preset_soils(), 'peat': PEAT}
+
+
+def motion(of, form, soil, v, omega, z, z_rate, torque, pull):
+    """v' and omega' by the nonlinear equations of the simulation, on fresh soil."""
     n = len(of.wheels)
-    model = _model(of, soil, form, 'given', Drawbar(pull=given_force), 0.0)
-    state = np.concatenate([[v, 0.0], omega, np.zeros(2 * n)])
-    rates = derivative(0.0, state, torque, z, z_rate, model, np.zeros((n, 6)))
+    model = _model(of, soil, form, 'dynamic', Drawbar(pull=pull), multipass=False)
+    state = np.concatenate([[v, 0.0], omega, z, z_rate])
+    forces = np.zeros((n, 7))
+    rates = derivative(0.0, state, torque, np.zeros((3, n)), model, UNTOUCHED, forces)
     return rates[0], rates[2 : 2 + n]
 
 
@@ -204,11 +214,11 @@ def lpv_rates(model, point, torque):
 @ALL_FORMS
 @N_WHEELS
 @settings(max_examples=15, deadline=None)
-@given(seed=st.integers(0, 2**32 - 1), soil=st.sampled_from(sorted(preset_soils())))
+@given(seed=st.integers(0, 2**32 - 1), soil=st.sampled_from(sorted(SOILS)))
 def test_speed_states_reproduce_the_equations_of_motion(n, form, seed, soil):
     # Forward, backward, near standstill, wheels turning against the motion or off the ground.
     random = np.random.default_rng(seed)
-    of, soil = vehicle(n), load_soil(soil)
+    of, soil = vehicle(n), SOILS[soil]
     v = random.choice([0.0, 0.02, -0.02, 1.0, -1.0]) * random.uniform(1, 4)
     omega = (v + random.choice([0.0, 0.05, 1.0]) * random.uniform(-2, 2, n)) / radii(of)
     z, z_rate = random.uniform(1e-4, 0.06, n), random.uniform(-0.05, 0.05, n)
@@ -225,10 +235,10 @@ def test_speed_states_reproduce_the_equations_of_motion(n, form, seed, soil):
 @pytest.mark.parametrize('state', ['slip', 'inverse_slip'])
 @N_WHEELS
 @settings(max_examples=15, deadline=None)
-@given(seed=st.integers(0, 2**32 - 1), soil=st.sampled_from(sorted(preset_soils())))
+@given(seed=st.integers(0, 2**32 - 1), soil=st.sampled_from(sorted(SOILS)))
 def test_slip_states_reproduce_the_equations_of_motion(n, state, form, seed, soil):
     random = np.random.default_rng(seed)
-    of, soil = vehicle(n), load_soil(soil)
+    of, soil = vehicle(n), SOILS[soil]
     v = random.uniform(0.06, 5)
     slip = random.choice([-1, 1], n) * random.uniform(0.011, 0.8, n)
     omega = wheel_speed(v, slip, radii(of))
@@ -242,6 +252,35 @@ def test_slip_states_reproduce_the_equations_of_motion(n, state, form, seed, soi
     assert lpv_rates(model, point, torque) == pytest.approx(
         [v_rate, *slip_rates], rel=1e-9, abs=1e-9
     )
+
+
+@ALL_FORMS
+@pytest.mark.parametrize('state', ['speed', 'slip', 'inverse_slip'])
+def test_a_known_load_is_imposed_as_the_simulation_does(state, form):
+    # Sinkage given: the soil carries the wheels' loads, whatever pressure that takes.
+    random = np.random.default_rng(5)
+    of, n = vehicle(4), 4
+    model = LpvModel(of, form, state=state)
+    nonlinear = _model(of, PEAT, form, 'given', Drawbar(), multipass=False)
+    for _ in range(20):
+        v, slip = random.uniform(0.2, 4), random.uniform(0.02, 0.6, n)
+        omega = wheel_speed(v, slip, radii(of))
+        given = np.array([random.uniform(0.02, 0.1, n), random.uniform(-0.05, 0.05, n), [0.0] * n])
+        torque, found = random.uniform(0, 3000, n), np.zeros((n, 7))
+        found[:, 0] = of.static_loads()
+        start = np.concatenate([[v, 0.0], omega, np.zeros(2 * n)])
+        rates = derivative(0.0, start, torque, given, nonlinear, UNTOUCHED, found)
+        expected, omega_rate = rates[0], rates[2 : 2 + n]
+        if state == 'speed':
+            expected = [expected, *omega_rate]
+        else:
+            rim = radii(of) * np.array([omega, omega_rate])
+            expected = [expected, *state_rates(state, v, rim[0], expected, rim[1])]
+        point = model.at(
+            v, omega, given[0], PEAT, sinkage_rate=given[1], load=found[:, 5],
+            holding_force=held(of, v, 0.0),
+        )  # fmt: skip
+        assert lpv_rates(model, point, torque) == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
 def test_a_wheel_off_the_ground_feels_no_soil():
@@ -369,7 +408,9 @@ def test_simulated_as_the_plant_is(form):
     model = LpvModel(RIG, form)
 
     def rates(_, x):
-        return lpv_rates(model, model.at(x[0], x[1:], [sinkage], soil), [torque])
+        return lpv_rates(
+            model, model.at(x[0], x[1:], [sinkage], soil, load=RIG.static_loads()), [torque]
+        )
 
     end = solve_ivp(rates, (0, dt * (samples - 1)), [0.8, 2.0], rtol=1e-8, atol=1e-8).y[:, -1]
     assert end == pytest.approx([run.v[-1], run.omega[-1, 0]], rel=1e-5)
@@ -422,7 +463,7 @@ def constrained_motion(model, form, soils, v, omega, z, torque, force):
     names, wheels = of.wheel_names, of.wheels
     found = np.array(
         [
-            contact(int(form), v, omega[j], z[j], 0.0, soils[j].packed(), w.radius, w.width)
+            contact(int(form), v, omega[j], z[j], 0.0, soils[j].packed(w), w.radius, w.width)
             for j, w in enumerate(wheels)
         ]
     )
@@ -486,7 +527,7 @@ def test_locked_axle_moves_as_one_wheel_of_lumped_inertia():
     model = LpvModel(pair, couplings=[Coupling(('left',), ('right',))])
 
     def rates(_, x):
-        point = model.at(x[0], [x[1], x[1]], [sinkage, sinkage], soil)
+        point = model.at(x[0], [x[1], x[1]], [sinkage, sinkage], soil, load=pair.static_loads())
         return lpv_rates(model, point, [torque, 0.0])
 
     end = solve_ivp(rates, (0, dt * (samples - 1)), [0.8, 2.0], rtol=1e-8, atol=1e-8).y[:, -1]
@@ -789,7 +830,9 @@ def in_equilibrium(model, form, soil, v, slip):
     of = model.vehicle
     omega = wheel_speed(v, np.full(model.n_wheels, slip), radii(of))
     sinkage = [
-        equilibrium_sinkage(int(form), v, speed, load, soil.packed(), wheel.radius, wheel.width)
+        equilibrium_sinkage(
+            int(form), v, speed, load, soil.packed(wheel), wheel.radius, wheel.width
+        )
         for speed, load, wheel in zip(omega, of.static_loads(), of.wheels, strict=True)
     ]
     return model.at(v, omega, sinkage, soil)
@@ -914,7 +957,7 @@ FITTING = {'area': 0.1, 'mobilisation': 0.5, 'moment_mobilisation': 0.5, 'resist
         ({'aera': 0.1}, "unknown scheduling parameter 'aera'; did you mean 'area'"),
         ({'area': [0.1, 0.1, 0.1]}, r'area must be one number or 2, got shape \(3,\)'),
         ({'area': [0.1, -0.1]}, r"area of wheel 'w1' is -0.1 m\^2, out of its range"),
-        ({'mobilisation': 2}, "mobilisation of wheel 'w0' is 2, out of its range -1.5 to 1.5"),
+        ({'mobilisation': 4}, "mobilisation of wheel 'w0' is 4, out of its range -3 to 3"),
         ({'area': float('nan')}, 'area must be finite'),
         ({'area': None}, "scheduling parameter 'area' .* is missing"),
     ],
@@ -950,6 +993,8 @@ def test_faulty_models_are_named():
         ({'holding_force': float('inf')}, 'holding_force must be finite'),
         ({'omega': [1.0]}, r'omega must have shape \(2,\), got \(1,\)'),
         ({'sinkage': [0.1, float('nan')]}, 'sinkage must be finite'),
+        ({'load': [1.0]}, r'load must have shape \(2,\), got \(1,\)'),
+        ({'load': [1.0, -1.0]}, 'load must be at least 0 N'),
         ({'sinkage': [0.1, 0.6]}, "sinkage of wheel 'w1' is 0.6 m, above its radius 0.5 m"),
         ({'soil': [load_soil('dry_sand')] * 3}, 'soil must be one or 2, got 3'),
         (

@@ -20,12 +20,19 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from traction_model.contact import LEAST_TRANSIT_SPEED, Form, contact
+from traction_model.contact import (
+    EVERYWHERE,
+    FREE,
+    LEAST_TRANSIT_SPEED,
+    UNTOUCHED,
+    Form,
+    forces_at,
+)
 from traction_model.coupling import Coupling, constraint_matrix
 from traction_model.definition import closest
 from traction_model.scheduling import Parameter, Schedule
 from traction_model.slip import slip
-from traction_model.soil import Soil
+from traction_model.soil import COHESION, N_EXP, SHEAR_MODULUS, TAN_PHI, Soil
 from traction_model.vehicle import GRAVITY, Vehicle
 from traction_model.wheel import Wheel
 
@@ -249,17 +256,17 @@ class LpvModel:
                     'moment_stiffness', 'N*m', -stiffness * self._radius,
                     stiffness * self._radius,
                 ),
-                parameter('resistance_gradient', 'N/m', 0.0, gradient),
+                parameter('resistance_gradient', 'N/m', -gradient, gradient),
             ]  # fmt: skip
             return {entry.name: entry for entry in found}
         area = parameter('area', 'm^2', width * least_length, 2 * width * self._radius)
-        # The shear stress nowhere exceeds the strength, whose mean over A is tau_max: 1, with
-        # room for grousers and for laws with a hump.
-        mobilisation = parameter('mobilisation', '1', -1.5, 1.5)
+        # The shear stress nowhere exceeds the strength, whose mean over the contact ahead of the
+        # wheel's bottom is tau_max: 1, and more where contact reaches behind it too.
+        mobilisation = parameter('mobilisation', '1', -3.0, 3.0)
         if self.form == Form.CONTACT:
             found = [
                 area, mobilisation,
-                parameter('moment_mobilisation', '1', -1.5, 1.5),
+                parameter('moment_mobilisation', '1', -3.0, 3.0),
                 parameter('resistance_gradient', 'N/m', -gradient, gradient),
             ]  # fmt: skip
         else:
@@ -399,13 +406,14 @@ class LpvModel:
         )
 
     def _contact(
-        self, j: int, v: float, omega: float, z: float, z_rate: float, soil: Array
+        self, j: int, v: float, omega: float, z: float, z_rate: float, soil: Array, imposed: float
     ) -> _Contact:
-        """Ask the contact model: the one place where it is called."""
+        """Ask the contact model, on fresh soil: the one place where it is called."""
         wheel = self.vehicle.wheels[j]
-        load, thrust, resistance, moment = contact(
-            int(self.form), v, omega, z, z_rate, soil, wheel.radius, wheel.width
-        )
+        load, thrust, resistance, moment, _ = forces_at(
+            int(self.form), v, omega, z, z_rate, 0.0, soil.reshape(1, -1), EVERYWHERE,
+            wheel.radius, wheel.width, -1, UNTOUCHED, imposed, 0.0,
+        )  # fmt: skip
         depth = min(max(z, LEAST_SINKAGE), wheel.radius)
         area = wheel.width * math.sqrt(2 * wheel.radius * depth - depth * depth)
         if self._on_wheel:
@@ -420,6 +428,7 @@ class LpvModel:
         soil: Soil | Sequence[Soil],
         *,
         sinkage_rate: ArrayLike = 0.0,
+        load: ArrayLike | None = None,
         holding_force: float = 0.0,
     ) -> OperatingPoint:
         """Scheduling vector, state and uncontrolled inputs at a state of motion.
@@ -436,6 +445,9 @@ class LpvModel:
             Under all wheels, or under each.
         sinkage_rate : float or array_like, shape (n,)
             m/s, downward positive.
+        load : array_like, shape (n,), optional
+            Load that the soil under every wheel is known to carry, N, at least 0; what sinkage
+            makes it carry when not given.
         holding_force : float
             D_x: drawbar, grade and air drag together, N, backward positive.
 
@@ -456,6 +468,9 @@ class LpvModel:
                 ('omega', omega), ('sinkage', sinkage), ('sinkage_rate', sinkage_rate),
             )
         )  # fmt: skip
+        imposed = np.full(n, FREE) if load is None else self._series('load', load)
+        if load is not None and np.any(imposed < 0):
+            raise ValueError(f'load must be at least 0 N, got {imposed}')
         for name, value in (('v', v), ('holding_force', holding_force)):
             if not math.isfinite(value):
                 raise ValueError(f'{name} must be finite, got {value}')
@@ -475,7 +490,7 @@ class LpvModel:
                 f"sinkage of wheel '{self.vehicle.wheel_names[j]}' is {z[j]:g} m, "
                 f'above its radius {self._radius[j]:g} m'
             )
-        return self.at_uncoupled(v, omega, z, z_rate, soils, holding_force)
+        return self.at_uncoupled(v, omega, z, z_rate, soils, imposed, holding_force)
 
     def _series(self, name: str, value: ArrayLike) -> Array:
         """One finite number a wheel."""
@@ -489,7 +504,7 @@ class LpvModel:
 
     def at_uncoupled(
         self, v: float, omega: Array, z: Array, z_rate: Array, soils: Sequence[Soil],
-        holding_force: float = 0.0,
+        imposed: Array, holding_force: float = 0.0,
     ) -> OperatingPoint:  # fmt: skip
         """As `at`, of arrays taken as they are: couplings need not hold, as on a grid.
 
@@ -503,6 +518,8 @@ class LpvModel:
             Sinkage, m, and its rate, m/s, downward positive.
         soils : sequence of Soil
             Under each wheel.
+        imposed : ndarray, shape (n,)
+            Load that the soil carries, N, or `traction_model.contact.FREE`.
         holding_force : float
             D_x, N, backward positive.
 
@@ -512,32 +529,32 @@ class LpvModel:
             Each entry in the unit that the model states.
         """
         wheels = range(self.n_wheels)
-        packed = [soil.packed() for soil in soils]
-        contacts = [self._contact(j, v, omega[j], z[j], z_rate[j], packed[j]) for j in wheels]
+        packed = np.array(
+            [soil.packed(wheel) for soil, wheel in zip(soils, self.vehicle.wheels, strict=True)]
+        )
+        contacts = [
+            self._contact(j, v, omega[j], z[j], z_rate[j], packed[j], imposed[j]) for j in wheels
+        ]
         found = _Contact(*(np.array(column) for column in zip(*contacts, strict=True)))
         depth = np.where(z > 0, z, 1.0)
         gradient = np.where(z > 0, found.resistance / depth, 0.0)
         if self.state != 'speed':
-            return self._at_slips(v, omega, z, z_rate, packed, found, gradient, holding_force)
+            return self._at_slips(
+                v, omega, z, z_rate, packed, imposed, found, gradient, holding_force
+            )
 
-        # A wheel off the ground finds no strength.
-        strength = np.array(
-            [
-                soil.max_shear_stress(load / area) if z[j] > 0 else 0.0
-                for j, (soil, load, area) in enumerate(
-                    zip(soils, found.load, found.area, strict=True)
-                )
-            ]
-        )
+        # Mohr and Coulomb's, under the mean pressure; a wheel off the ground finds none.
+        strength = packed[:, COHESION] + found.load / found.area * packed[:, TAN_PHI]
+        strength = np.where(z > 0, strength, 0.0)
         # Signed as the thrust is, which slip is not in reverse.
         rim = self._radius * omega
         slipping = [math.copysign(slip(v, rim[j]), rim[j] - v) for j in wheels]
         values: dict[str, ArrayLike] = {
             'heading': max(-1.0, min(1.0, v / LEAST_TRANSIT_SPEED)),
-            'sinkage_exponent': [soil.sinkage_exponent for soil in soils],
+            'sinkage_exponent': packed[:, N_EXP],
             'area': found.area,
             'load': found.load,
-            'shear_deformation_modulus': [soil.shear_deformation_modulus for soil in soils],
+            'shear_deformation_modulus': packed[:, SHEAR_MODULUS],
             'inverse_slip': [self._inverse_slip(value) for value in slipping],
             'mobilisation': self._mobilisation(found.shear, strength * found.area),
             'moment_mobilisation': self._mobilisation(
@@ -569,8 +586,8 @@ class LpvModel:
         return np.asarray(np.divide(force, strength, out=np.zeros_like(force), where=strength > 0))
 
     def _at_slips(
-        self, v: float, omega: Array, z: Array, z_rate: Array, packed: Sequence[Array],
-        found: _Contact, gradient: Array, held: float,
+        self, v: float, omega: Array, z: Array, z_rate: Array, packed: Array,
+        imposed: Array, found: _Contact, gradient: Array, held: float,
     ) -> OperatingPoint:  # fmt: skip
         """`at_uncoupled` with slip or 1/slip as state."""
         n = self.n_wheels
@@ -579,8 +596,10 @@ class LpvModel:
         shear_slope, moment_slope = np.empty(n), np.empty(n)
         for j in range(n):
             h = 1e-5 * max(abs(omega[j]), max(abs(v), LEAST_TRANSIT_SPEED) / self._radius[j])
-            above = self._contact(j, v, omega[j] + h, z[j], z_rate[j], packed[j])
-            below = self._contact(j, v, omega[j] - h, z[j], z_rate[j], packed[j])
+            below, above = (
+                self._contact(j, v, speed, z[j], z_rate[j], packed[j], imposed[j])
+                for speed in (omega[j] - h, omega[j] + h)
+            )
             shear_slope[j] = (above.shear - below.shear) / (2 * h)
             moment_slope[j] = (above.shear_moment - below.shear_moment) / (2 * h)
         values: dict[str, ArrayLike] = {

@@ -16,7 +16,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from traction_model.contact import LEAST_TRANSIT_SPEED
+from traction_model.contact import FREE, LEAST_TRANSIT_SPEED
 from traction_model.definition import closest
 from traction_model.lpv import LEAST_SINKAGE, LpvModel, Matrices, wheel_speed
 from traction_model.scheduling import Schedule
@@ -452,7 +452,8 @@ class GridModel:
         """Terms at an operating point."""
         n = self.model.n_wheels
         omega = wheel_speed(v, slip, [wheel.radius for wheel in self.model.vehicle.wheels])
-        point = self.model.at_uncoupled(v, omega, sinkage, np.zeros(n), [self.soil] * n)
+        free = np.full(n, FREE)
+        point = self.model.at_uncoupled(v, omega, sinkage, np.zeros(n), [self.soil] * n, free)
         return self.model.terms(point.rho)
 
     def matrices(self, speed: float, slip: ArrayLike, sinkage: ArrayLike) -> Matrices:
