@@ -26,6 +26,7 @@ from traction_model.contact import (
     LEAST_TRANSIT_SPEED,
     UNTOUCHED,
     Form,
+    check_form,
     forces_at,
 )
 from traction_model.coupling import Coupling, constraint_matrix
@@ -137,7 +138,8 @@ class LpvModel:
 
     In the closed forms R holds the vehicle back and the wheel's moment is r*F. In the form
     `CONTACT` stresses are per horizontal area: R acts as a moment r*R about the axle, the shear
-    alone on the vehicle, and its moment has a mobilisation of its own.
+    alone on the vehicle, and its moment has a mobilisation of its own. In the form `EMPIRICAL`
+    the mean pressure N/A stands for tau_max, and mobilisation is the gross traction ratio.
 
     Parameters
     ----------
@@ -204,7 +206,8 @@ class LpvModel:
         self.state_units = ('m/s', *(unit for _ in free))
         self.input_names = tuple(f'torque_{name}' for name in names)
         if state == 'speed':
-            inputs: tuple[tuple[str, str], ...] = (('tau_max', 'Pa'), ('sinkage', 'm'))
+            stress = 'pressure' if self.form == Form.EMPIRICAL else 'tau_max'
+            inputs: tuple[tuple[str, str], ...] = ((stress, 'Pa'), ('sinkage', 'm'))
             self.output_names = ('v', *(f'omega_{name}' for name in names))
         else:
             inputs = (('thrust', 'N'), ('moment', 'N*m'), ('sinkage', 'm'))
@@ -263,12 +266,11 @@ class LpvModel:
         # The shear stress nowhere exceeds the strength, whose mean over the contact ahead of the
         # wheel's bottom is tau_max: 1, and more where contact reaches behind it too.
         mobilisation = parameter('mobilisation', '1', -3.0, 3.0)
-        if self.form == Form.CONTACT:
-            found = [
-                area, mobilisation,
-                parameter('moment_mobilisation', '1', -3.0, 3.0),
-                parameter('resistance_gradient', 'N/m', -gradient, gradient),
-            ]  # fmt: skip
+        if self.form in (Form.CONTACT, Form.EMPIRICAL):
+            found = [area, mobilisation]
+            if self.form == Form.CONTACT:
+                found.append(parameter('moment_mobilisation', '1', -3.0, 3.0))
+            found.append(parameter('resistance_gradient', 'N/m', -gradient, gradient))
         else:
             found = [
                 Parameter('heading', '1', np.array([-1.0]), np.array([1.0])),
@@ -528,6 +530,7 @@ class LpvModel:
         OperatingPoint
             Each entry in the unit that the model states.
         """
+        check_form(self.form, soils)
         wheels = range(self.n_wheels)
         packed = np.array(
             [soil.packed(wheel) for soil, wheel in zip(soils, self.vehicle.wheels, strict=True)]
@@ -543,8 +546,12 @@ class LpvModel:
                 v, omega, z, z_rate, packed, imposed, found, gradient, holding_force
             )
 
-        # Mohr and Coulomb's, under the mean pressure; a wheel off the ground finds none.
-        strength = packed[:, COHESION] + found.load / found.area * packed[:, TAN_PHI]
+        # Mohr and Coulomb's, under the mean pressure; a wheel off the ground finds none. A curve
+        # takes thrust as a share of the load.
+        pressure = found.load / found.area
+        strength = packed[:, COHESION] + pressure * packed[:, TAN_PHI]
+        if self.form == Form.EMPIRICAL:
+            strength = pressure
         strength = np.where(z > 0, strength, 0.0)
         # Signed as the thrust is, which slip is not in reverse.
         rim = self._radius * omega
@@ -671,6 +678,11 @@ class LpvModel:
             return {
                 'thrust_area': area * values['mobilisation'],
                 'moment_area': area * values['moment_mobilisation'],
+                'resistance_gradient': values['resistance_gradient'],
+            }
+        if self.form == Form.EMPIRICAL:
+            return {
+                'thrust_area': area * values['mobilisation'],
                 'resistance_gradient': values['resistance_gradient'],
             }
         width = np.array([wheel.width for wheel in self.vehicle.wheels])
