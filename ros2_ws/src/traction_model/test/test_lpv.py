@@ -709,11 +709,11 @@ def test_grid_is_exact_on_its_points_and_converges_between(state, form):
         expected, found = model.matrices(point.rho), coarse.matrices(v, [slip], [sinkage])
         for name in ('A', 'B', 'B_uc'):
             assert getattr(found, name) == pytest.approx(getattr(expected, name), rel=1e-9)
-    errors = [coarse.error(), grid(form, state, 9).error(), grid(form, state, 17).error()]
+    error, finer = coarse.error(), grid(form, state, 13).error()
     # Where the thrust of `PAPER` sets in its stiffness jumps: no grid follows a jump.
     if form != Form.PAPER or state == 'speed':
-        assert errors[2] < 0.6 * errors[0]
-    assert errors[0] < 1.0
+        assert finer < 0.6 * error
+    assert 0 < error < 1.0
 
 
 def test_grid_of_several_wheels():
