@@ -29,7 +29,7 @@ from traction_model.sweep import FIGURES, Draw, Row, Sweep, simulate_draws
 SAVE_EVERY = 30.0
 """Time between savings of the rows that are finished, s: what a machine that fails can lose."""
 
-MOST_DRAWS = 32
+MOST_DRAWS = 8
 """Most draws that a worker is given at a time."""
 
 REACH_TIMEOUT = 10.0
@@ -177,7 +177,8 @@ def run_sweep(
     except KeyboardInterrupt:
         interrupted = True
     finally:
-        table = store.save()
+        with _interrupts_ignored():
+            table = store.save()
     return SweepResult(table, len(draws), interrupted)
 
 
@@ -231,7 +232,8 @@ def _on_cores(
     ours: set[BaseProcess] = set()
     pending: list[Future[list[Row]]] = []
     try:
-        with _children_ignore_interrupt():
+        # Processes that start meanwhile ignore Ctrl-C for good: this one ends them.
+        with _interrupts_ignored():
             pending = [
                 executor.submit(simulate_draws, sweep, part) for part in _chunks(draws, workers)
             ]
@@ -248,12 +250,14 @@ def _on_cores(
             executor.shutdown(wait=False, cancel_futures=True)
             for process in ours:
                 process.terminate()
+            for process in ours:
+                process.join()
         executor.shutdown()
 
 
 @contextmanager
-def _children_ignore_interrupt() -> Iterator[None]:
-    """Let processes that start meanwhile ignore Ctrl-C: this one ends them."""
+def _interrupts_ignored() -> Iterator[None]:
+    """Ignore Ctrl-C for the moment, where this thread may say so."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -273,7 +277,7 @@ def _on_cluster(sweep: Sweep, draws: Sequence[Draw], url: str) -> Generator[list
             f'{error.name} is not installed: pip install dask distributed'
         ) from error
     try:
-        client = distributed.Client(url, timeout=REACH_TIMEOUT, set_as_default=False)
+        client = distributed.Client(url, timeout=REACH_TIMEOUT)
     except (OSError, ValueError) as error:
         raise RuntimeError(f'no Dask scheduler answers at {url}: {error}') from error
     with client:

@@ -177,20 +177,21 @@ def summary(result: SweepResult) -> Table:
         To print; units are in it.
     """
     table = Table(title=f'{len(result.succeeded)} draws', title_style='bold')
-    table.add_column('')
-    for heading in ('unit', 'mean', 'deviation', 'p5', 'median', 'p95'):
+    table.add_column('', no_wrap=True)
+    for heading in ('mean', 'deviation', 'p5', 'median', 'p95'):
         table.add_column(heading, justify='right')
     for name, figure in FIGURES.items():
         values = numbers(result.succeeded, name)
         values = values[np.isfinite(values)]
         if not figure.unit:
-            table.add_row(name, '%', f'{100 * values.mean():.1f}')
+            table.add_row(f'{name}, %', f'{100 * values.mean():.1f}')
             continue
-        unit = '' if figure.unit == '1' else figure.unit
-        if not values.size:
-            table.add_row(name, unit, *['never defined'] * 5)
-            continue
-        scale, unit = (1e-3, 'kJ') if unit == 'J' else (1.0, unit)
-        spread = [values.mean(), values.std(), *np.percentile(values, [5, 50, 95])]
-        table.add_row(name, unit, *(f'{scale * value:.4g}' for value in spread))
+        scale, unit = (1e-3, 'kJ') if figure.unit == 'J' else (1.0, figure.unit)
+        spread = (
+            [values.mean(), values.std(), *np.percentile(values, [5, 50, 95])]
+            if values.size
+            else [np.nan] * 5
+        )
+        label = name if unit == '1' else f'{name}, {unit}'
+        table.add_row(label, *(f'{scale * value:.4g}' for value in spread))
     return table

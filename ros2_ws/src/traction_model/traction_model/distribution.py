@@ -150,7 +150,7 @@ class Distribution(Definition):
             Numbers in the same unit, or names, for a choice of names.
         """
         if self.choice is not None:
-            return np.array(self.choice)[(shares * len(self.choice)).astype(int)]
+            return np.asarray(np.array(self.choice)[(shares * len(self.choice)).astype(int)])
         if self.relative is not None:
             return np.asarray(np.asarray(nominal) * (1 + self.relative * (2 * shares - 1)))
         if self.uniform is not None:

@@ -196,7 +196,10 @@ class TorqueProfile(Definition):
 
 def _per_wheel(key: str, torques: tuple[float, ...], wheels: int) -> Array:
     if len(torques) not in (1, wheels):
-        raise ValueError(f'{key}: expected 1 or {wheels} torques, got {len(torques)}')
+        raise ValueError(
+            f'{key}: expected one torque for all or one for each of the {wheels} wheels, '
+            f'got {len(torques)}'
+        )
     return np.array(torques if len(torques) == wheels else torques * wheels)
 
 
@@ -482,6 +485,7 @@ def read_sweep(path: str | Path, *, draws: int | None = None, seed: int | None =
         },
         str(path),
     )
+    _check_nominal(definition, nominal, path)
     known = quantities(nominal, definition.soil)
     varied = {}
     for name, entry in definition.vary.items():
@@ -501,21 +505,24 @@ def read_sweep(path: str | Path, *, draws: int | None = None, seed: int | None =
                 soils[str(soil)] = _named(load_soil, str(soil), path, f'{key}.choice')
         varied[quantity] = distribution
     sweep = Sweep(definition, nominal, soils, varied)
-    _check(sweep, path)
+    _check_values(sweep, path)
     return sweep
 
 
-def _check(sweep: Sweep, path: Path) -> None:
-    """Check what the definition's own types cannot: places, torques, ranges of values."""
-    definition = sweep.definition
+def _check_nominal(definition: SweepDefinition, nominal: Scenario, path: Path) -> None:
+    """Check that numbers of soils and of torques fit."""
     try:
-        Terrain(sweep.nominal.soil, definition.soil_starts)
+        Terrain(nominal.soil, definition.soil_starts)
     except ValueError as error:
         raise DefinitionError(f'{path}: soil_starts: {error}') from error
     try:
-        definition.torque.samples(np.zeros(1), len(sweep.nominal.vehicle.wheels))
+        definition.torque.samples(np.zeros(1), len(nominal.vehicle.wheels))
     except ValueError as error:
         raise DefinitionError(f'{path}: torque.{error}') from error
+
+
+def _check_values(sweep: Sweep, path: Path) -> None:
+    """Check that all values that can be drawn are valid, each by itself."""
     columns: dict[str, NDArray[Any]] = {}
     for quantity, distribution in sweep.varied.items():
         if not quantity.unit:
