@@ -211,6 +211,24 @@ def test_a_scheduler_without_workers_is_told(read, tmp_path):
         run_sweep(read, tmp_path / 'x.parquet', scheduler=empty.scheduler_address)
 
 
+def test_a_scheduler_that_goes_away_is_told_and_what_is_finished_is_kept(read, expected, tmp_path):
+    path = tmp_path / 'sweep.parquet'
+    with LocalCluster(
+        n_workers=1, threads_per_worker=1, host='127.0.0.1', dashboard_address='127.0.0.1:0'
+    ) as leaving:
+        address = leaving.scheduler_address
+        with pytest.raises(RuntimeError, match=f'scheduler {address} went away'):
+            run_sweep(
+                read,
+                path,
+                scheduler=address,
+                progress=lambda finished, failed: leaving.close(),
+            )
+    kept = pq.read_table(path).to_pylist()
+    assert 0 < len(kept) < DRAWS
+    assert kept == [expected[row['draw']] for row in kept]
+
+
 def test_dask_that_is_not_installed_is_told(read, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, 'distributed', None)
     with pytest.raises(RuntimeError, match='distributed is not installed: pip install dask'):

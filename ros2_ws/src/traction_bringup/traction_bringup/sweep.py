@@ -10,9 +10,9 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import CancelledError, Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -297,8 +297,13 @@ def _on_cluster(sweep: Sweep, draws: Sequence[Draw], url: str) -> Generator[list
             ) from error
         except distributed.KilledWorker as error:
             raise RuntimeError(f'workers of {url} died: {error}') from error
+        except (OSError, CancelledError) as error:
+            raise RuntimeError(
+                f'the scheduler {url} went away; what was finished is kept'
+            ) from error
         finally:
-            client.cancel(pending)
+            with suppress(OSError):
+                client.cancel(pending)
 
 
 def rank_correlations(result: SweepResult, figure: str) -> dict[str, float]:
