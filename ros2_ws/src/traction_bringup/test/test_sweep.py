@@ -5,6 +5,7 @@ import multiprocessing
 import os
 import signal
 import sys
+from concurrent.futures import wait
 
 import numpy as np
 import pyarrow as pa
@@ -163,6 +164,20 @@ def test_an_interruption_keeps_what_is_finished(read, expected, tmp_path):
     assert 0 < len(kept) < DRAWS
     assert kept == [expected[row['draw']] for row in kept]
     assert workers() == []
+
+
+def test_an_interruption_keeps_what_is_finished_but_not_yet_taken(
+    read, expected, tmp_path, monkeypatch
+):
+    def late(pending):
+        wait(pending)
+        yield pending[0]
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(sweep, 'as_completed', late)
+    result = run_sweep(read, tmp_path / 'sweep.parquet', workers=1)
+    assert result.interrupted
+    assert pq.read_table(tmp_path / 'sweep.parquet').to_pylist() == expected
 
 
 def test_a_worker_that_dies_is_told_and_what_is_finished_is_kept(read, expected, tmp_path):

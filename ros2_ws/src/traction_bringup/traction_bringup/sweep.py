@@ -9,13 +9,13 @@ import platform
 import signal
 import threading
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import CancelledError, Future, ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import CancelledError, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from multiprocessing.process import BaseProcess
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -159,21 +159,15 @@ def run_sweep(
     if workers is not None and workers < 1:
         raise ValueError(f'workers must be at least 1, got {workers}')
     draws = sweep.draws()
-    parts = (
-        _on_cluster(sweep, draws, scheduler)
-        if scheduler
-        else _on_cores(sweep, draws, workers or _cores())
-    )
-    store = _Store(schema(sweep), Path(path))
+    store = _Store(schema(sweep), Path(path), progress)
     # Before any work, so that a folder that cannot be written is told at once.
     store.save()
     interrupted = False
     try:
-        with closing(parts):
-            for rows in parts:
-                store.add(rows)
-                if progress is not None:
-                    progress(store.finished, store.failed)
+        if scheduler:
+            _on_cluster(sweep, draws, scheduler, store.add)
+        else:
+            _on_cores(sweep, draws, workers or _cores(), store.add)
     except KeyboardInterrupt:
         interrupted = True
     finally:
@@ -185,23 +179,34 @@ def run_sweep(
 class _Store:
     """Finished rows, saved every now and then."""
 
-    def __init__(self, schema: pa.Schema, path: Path) -> None:
+    def __init__(
+        self, schema: pa.Schema, path: Path, progress: Callable[[int, int], None] | None
+    ) -> None:
         self.schema = schema
         self.path = path
-        self.batches: list[pa.RecordBatch] = []
+        self.progress = progress
+        # By the first of their draws.
+        self.batches: dict[int, pa.RecordBatch] = {}
         self.finished = self.failed = 0
         self.saved = time.monotonic()
 
     def add(self, rows: list[Row]) -> None:
-        self.batches.append(pa.RecordBatch.from_pylist(rows, schema=self.schema))
+        """Take rows of one piece of work, unless they are here already."""
+        first = rows[0]['draw']
+        if first in self.batches:
+            return
+        self.batches[first] = pa.RecordBatch.from_pylist(rows, schema=self.schema)
         self.finished += len(rows)
         self.failed += sum(row['error'] != '' for row in rows)
         if time.monotonic() - self.saved > SAVE_EVERY:
             self.save()
+        if self.progress is not None:
+            self.progress(self.finished, self.failed)
 
     def save(self) -> pa.Table:
-        # By the draws' numbers, in one piece: the file does not tell who finished when.
-        table = pa.Table.from_batches(self.batches, self.schema).sort_by('draw').combine_chunks()
+        """Write all rows in the order of the draws: the file does not tell who finished when."""
+        batches = [self.batches[first] for first in sorted(self.batches)]
+        table = pa.Table.from_batches(batches, self.schema).combine_chunks()
         unfinished = self.path.with_name(f'.{self.path.name}.part')
         pq.write_table(table, unfinished, row_group_size=ROW_GROUP)
         unfinished.replace(self.path)
@@ -221,38 +226,40 @@ def _chunks(draws: Sequence[Draw], workers: int) -> list[Sequence[Draw]]:
 
 
 def _on_cores(
-    sweep: Sweep, draws: Sequence[Draw], workers: int
-) -> Generator[list[Row], None, None]:
-    """Rows as processes of this machine finish them."""
+    sweep: Sweep, draws: Sequence[Draw], workers: int, add: Callable[[list[Row]], None]
+) -> None:
+    """Simulate in processes of this machine."""
     # Spawned: a fork would copy whatever threads hold in this process.
     executor = ProcessPoolExecutor(
         min(workers, len(draws)), mp_context=multiprocessing.get_context('spawn')
     )
     others = set(multiprocessing.active_children())
-    ours: set[BaseProcess] = set()
-    pending: list[Future[list[Row]]] = []
-    try:
-        # Processes that start meanwhile ignore Ctrl-C for good: this one ends them.
-        with _interrupts_ignored():
-            pending = [
-                executor.submit(simulate_draws, sweep, part) for part in _chunks(draws, workers)
-            ]
+    # Processes that start meanwhile ignore Ctrl-C for good: this one ends them.
+    with _interrupts_ignored():
+        pending = [
+            executor.submit(simulate_draws, sweep, part) for part in _chunks(draws, workers)
+        ]
         ours = set(multiprocessing.active_children()) - others
+    try:
         for future in as_completed(pending):
-            yield future.result()
+            add(future.result())
     except BrokenProcessPool as error:
         raise RuntimeError(
             'a worker process died (out of memory?); what was finished is kept'
         ) from error
     finally:
-        if not all(future.done() for future in pending):
-            # Interrupted: a worker may be in the middle of a long piece.
-            executor.shutdown(wait=False, cancel_futures=True)
-            for process in ours:
-                process.terminate()
-            for process in ours:
-                process.join()
-        executor.shutdown()
+        with _interrupts_ignored():
+            if not all(future.done() for future in pending):
+                # Interrupted: a worker may be in the middle of a long piece.
+                executor.shutdown(wait=False, cancel_futures=True)
+                for process in ours:
+                    process.terminate()
+                for process in ours:
+                    process.join()
+            executor.shutdown()
+            for future in pending:
+                if future.done() and not future.cancelled() and future.exception() is None:
+                    add(future.result())
 
 
 @contextmanager
@@ -268,8 +275,10 @@ def _interrupts_ignored() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def _on_cluster(sweep: Sweep, draws: Sequence[Draw], url: str) -> Generator[list[Row], None, None]:
-    """Rows as the workers of a Dask cluster finish them."""
+def _on_cluster(
+    sweep: Sweep, draws: Sequence[Draw], url: str, add: Callable[[list[Row]], None]
+) -> None:
+    """Simulate on the workers of a Dask cluster."""
     try:
         import distributed
     except ImportError as error:
@@ -290,20 +299,33 @@ def _on_cluster(sweep: Sweep, draws: Sequence[Draw], url: str) -> Generator[list
         ]
         try:
             for future in distributed.as_completed(pending):
-                yield future.result()
-        except ModuleNotFoundError as error:
-            raise RuntimeError(
-                f'the workers of {url} lack {error.name}: install traction_model on them'
-            ) from error
-        except distributed.KilledWorker as error:
-            raise RuntimeError(f'workers of {url} died: {error}') from error
-        except (OSError, CancelledError) as error:
-            raise RuntimeError(
-                f'the scheduler {url} went away; what was finished is kept'
-            ) from error
+                add(_fetched(future, url))
+        except KeyboardInterrupt:
+            with _interrupts_ignored():
+                for future in pending:
+                    if future.status == 'finished':
+                        add(_fetched(future, url))
+            raise
         finally:
             with suppress(OSError):
                 client.cancel(pending)
+
+
+def _fetched(future: Any, url: str) -> list[Row]:
+    """Rows of a piece of work that a cluster finished; what went wrong there, in words."""
+    from distributed import KilledWorker
+
+    try:
+        rows: list[Row] = future.result()
+    except ModuleNotFoundError as error:
+        raise RuntimeError(
+            f'the workers of {url} lack {error.name}: install traction_model on them'
+        ) from error
+    except KilledWorker as error:
+        raise RuntimeError(f'workers of {url} died: {error}') from error
+    except (OSError, CancelledError) as error:
+        raise RuntimeError(f'the scheduler {url} went away; what was finished is kept') from error
+    return rows
 
 
 def rank_correlations(result: SweepResult, figure: str) -> dict[str, float]:
