@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import yaml
 
-from traction_model import Trajectory, load_soil, load_vehicle
+from traction_model import Soil, Trajectory, load_soil, load_vehicle
 from traction_model.definition import DefinitionError
 from traction_model.sweep import (
     FIGURES,
@@ -117,18 +117,47 @@ def test_vehicle_and_soil_files_lie_beside_the_definition(define, tmp_path, monk
     assert nominal.soil[0].cohesion == 9.0
 
 
+# All optional numbers of a soil given.
+HUMPED = {
+    'pressure_law': 'reece',
+    'cohesive_modulus': 40.0,
+    'frictional_modulus': 50.0,
+    'unit_weight': 16e3,
+    'shear_law': 'wong_preston_thomas',
+    'residual_ratio': 0.7,
+    'elastic_modulus': 4e7,
+}
+
+
+def known_of(vehicle, soil):
+    nominal = Scenario(
+        vehicle=load_vehicle(vehicle),
+        soil=(soil,),
+        drawbar=Draft(),
+        grade_deg=0.0,
+        initial_speed=0.0,
+    )
+    return quantities(nominal, ['dry_sand'])
+
+
 def test_every_quantity_has_a_unit():
+    soil = load_soil('dry_sand')
+    humped = Soil.model_validate(soil.model_dump() | HUMPED)
+    numbers = {name for name, value in humped if isinstance(value, float)}
+    assert numbers == {
+        name for name, field in Soil.model_fields.items() if 'float' in str(field.annotation)
+    }
     for vehicle in ('single_wheel_rig', 'tractor_4wd'):
-        nominal = Scenario(
-            vehicle=load_vehicle(vehicle),
-            soil=(load_soil('dry_sand'),),
-            drawbar=Draft(),
-            grade_deg=0.0,
-            initial_speed=0.0,
-        )
-        known = quantities(nominal, ['dry_sand'])
-        assert [name for name, q in known.items() if q.unit == '?'] == []
-        assert [name for name, q in known.items() if not q.unit] == ['soil']
+        for known in (known_of(vehicle, soil), known_of(vehicle, humped)):
+            assert [name for name, q in known.items() if q.unit == '?'] == []
+            assert [name for name, q in known.items() if not q.unit] == ['soil']
+
+
+def test_units_of_moduli_follow_the_pressure_law():
+    soil = load_soil('dry_sand')
+    assert known_of('tractor_4wd', soil)['soil.frictional_modulus'].unit == 'N/m^(n+2)'
+    humped = Soil.model_validate(soil.model_dump() | HUMPED)
+    assert known_of('tractor_4wd', humped)['soil.frictional_modulus'].unit == '1'
 
 
 def test_relative_draws_lie_within_and_have_the_right_mean(define):

@@ -20,7 +20,8 @@ from traction_model.distribution import Distribution
 from traction_model.kernel import kernel
 from traction_model.simulate import Drawbar, Trajectory, drawbar_force, simulate
 from traction_model.slip import LEAST_SPEED
-from traction_model.soil import Soil, Terrain, load_soil
+from traction_model.soil import Soil, load_soil
+from traction_model.terrain import STEEPEST, Terrain
 from traction_model.vehicle import Vehicle, load_vehicle
 
 Array = NDArray[np.float64]
@@ -33,6 +34,9 @@ IMMOBILE_SPEED = 0.1
 IMMOBILE_TIME = 1.0
 """Time at the end of a drive over which it must be so, s."""
 
+STEEPEST_DEG = math.degrees(STEEPEST)
+"""Steepest grade, degrees."""
+
 UNITS = {
     'cohesive_modulus': 'N/m^(n+1)',
     'frictional_modulus': 'N/m^(n+2)',
@@ -40,7 +44,11 @@ UNITS = {
     'cohesion': 'Pa',
     'friction_angle_deg': 'deg',
     'shear_deformation_modulus': 'm',
+    'unit_weight': 'N/m^3',
+    'residual_ratio': '1',
     'damping': 'Pa·s/m',
+    'elastic_modulus': 'Pa/m',
+    'shear_memory': '1',
     'chassis_mass': 'kg',
     'chassis_cg_x': 'm',
     'chassis_cg_height': 'm',
@@ -50,6 +58,7 @@ UNITS = {
     'radius': 'm',
     'width': 'm',
     'inertia': 'kg·m^2',
+    'grouser_height': 'm',
     'viscous_friction': 'N·m·s/rad',
     'mass': 'kg',
     'pull': 'N',
@@ -60,6 +69,12 @@ UNITS = {
     'torque': '1',
 }
 """Units of what can be varied, by the last part of its name."""
+
+LAW_UNITS = {
+    'bernstein': {'frictional_modulus': 'N/m^2.5'},
+    'reece': {'cohesive_modulus': '1', 'frictional_modulus': '1'},
+}
+"""Units of a soil's moduli where its pressure-sinkage law is not Bekker's."""
 
 
 class Figure(NamedTuple):
@@ -243,7 +258,7 @@ class Scenario(Definition):
     vehicle: Vehicle
     soil: tuple[Soil, ...]
     drawbar: Draft
-    grade_deg: float = Field(ge=-45, le=45)
+    grade_deg: float = Field(ge=-STEEPEST_DEG, le=STEEPEST_DEG)
     initial_speed: float
     torque: float = 1.0
 
@@ -287,7 +302,7 @@ class SweepDefinition(Definition):
     soil: Names
     soil_starts: tuple[float, ...] = ()
     drawbar: Draft = Draft()
-    grade_deg: float = Field(default=0.0, ge=-45, le=45)
+    grade_deg: float = Field(default=0.0, ge=-STEEPEST_DEG, le=STEEPEST_DEG)
     initial_speed: float = 0.0
     torque: TorqueProfile
     duration: float = Field(gt=0)
@@ -590,7 +605,11 @@ def quantities(nominal: Scenario, soil_names: Sequence[str]) -> dict[str, Quanti
 
 
 def _leaves(thing: BaseModel, prefix: str, path: tuple[str | int, ...]) -> Iterator[Quantity]:
+    units = UNITS | LAW_UNITS.get(getattr(thing, 'pressure_law', ''), {})
     for key, field in type(thing).model_fields.items():
+        if key == 'traction_curve':
+            # Of the empirical form, which sweeps do not use.
+            continue
         value = getattr(thing, key)
         inside = (*path, key)
         if isinstance(value, BaseModel):
@@ -613,7 +632,7 @@ def _leaves(thing: BaseModel, prefix: str, path: tuple[str | int, ...]) -> Itera
             yield Quantity(
                 f'{prefix}{name}',
                 inside,
-                UNITS.get(name, '?'),
+                units.get(name, '?'),
                 value / scale,
                 limits.get('ge', limits.get('gt', -math.inf)),
                 limits.get('le', limits.get('lt', math.inf)),
@@ -672,11 +691,10 @@ def _drive(sweep: Sweep, draw: Draw) -> Row:
     torque = scenario.torque * definition.torque.samples(t, len(scenario.vehicle.wheels))
     trajectory = simulate(
         scenario.vehicle,
-        Terrain(scenario.soil, definition.soil_starts),
+        Terrain(scenario.soil, definition.soil_starts, math.radians(scenario.grade_deg)),
         torque,
         definition.dt,
         drawbar=Drawbar(**scenario.drawbar.model_dump()),
-        grade=math.radians(scenario.grade_deg),
         v0=scenario.initial_speed,
     )
     return figures(trajectory, torque, scenario, definition.settle)
