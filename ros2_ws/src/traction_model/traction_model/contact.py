@@ -23,7 +23,6 @@ import numpy as np
 from traction_model.empirical import curve_ratios
 from traction_model.kernel import kernel
 from traction_model.rut import fresh_ruts, rut_at
-from traction_model.slip import slip
 from traction_model.soil import (
     COHESION,
     CURVE,
@@ -138,7 +137,7 @@ def mobilised(displacement, soil):
     Returns
     -------
     float
-        g, dimensionless, 0 to 1.
+        g, dimensionless, 0 to 1; by Wong and Preston-Thomas up to 1.08.
     """
     y = displacement / soil[SHEAR_MODULUS]
     if soil[SHEAR_LAW] == 0.0:
@@ -163,7 +162,7 @@ def mean_mobilised(y, soil):
     Returns
     -------
     float
-        ``1 - kappa``, dimensionless, 0 to 1.
+        ``1 - kappa``, dimensionless, 0 to 1; by Wong and Preston-Thomas up to 1.08.
     """
     deficit = shear_deficit(y)
     if soil[SHEAR_LAW] == 0.0:
@@ -221,24 +220,54 @@ def plate_contact(form, v, omega, z, z_rate, soil, radius, width, imposed):
 
     # Fades out at standstill, where resistance has no direction.
     rolling = max(-1.0, min(1.0, v / LEAST_TRANSIT_SPEED))
+    # Slip along the path, which passes evenly through standstill.
+    rim = radius * omega
+    slipping = (rim - v) / max(abs(v), abs(rim), LEAST_TRANSIT_SPEED)
+    slipping = max(-1.0, min(1.0, slipping))
     if form == 3:
-        # Along the path positive, and finite at standstill.
-        rim = radius * omega
-        slipping = (rim - v) / max(abs(v), abs(rim), LEAST_TRANSIT_SPEED)
         gross, drag = curve_ratios(soil[CURVE:], slipping)
         backward, _ = curve_ratios(soil[CURVE:], -slipping)
         thrust = load * ((1.0 + rolling) * gross - (1.0 - rolling) * backward) / 2.0
         return load, thrust, rolling * load * drag, radius * thrust
-    slipping = slip(v, radius * omega)
     y = abs(slipping) * length / soil[SHEAR_MODULUS]
     if form == 0:
         share = 1.0 - min(1.0, 1.0 / y) if y > 0.0 else 0.0
     else:
         share = mean_mobilised(y, soil)
-    direction = 1.0 if radius * omega >= v else -1.0
+    direction = 1.0 if rim >= v else -1.0
     thrust = direction * strength * area * share
     resistance = rolling * width * load * z / ((soil[N_EXP] + 1.0) * area)
     return load, thrust, resistance, radius * thrust
+
+
+@kernel
+def pressure(sunk, depth, surface, held, soil):
+    """Pressure of soil that may have been pressed before.
+
+    Parameters
+    ----------
+    sunk : float
+        How deep it is pressed now, m.
+    depth, surface : float
+        To which depth it was pressed before, 0 when fresh, and to which it sprang back, m.
+    held : float
+        Pressure at which it was left, Pa.
+    soil : ndarray, shape (17,)
+        A packed soil, SI units.
+
+    Returns
+    -------
+    float
+        Pa: along the elastic modulus up to the depth before, then along the pressure-sinkage
+        law. Where soil would spring back above the ground by its elastic modulus, along the
+        straight line from there.
+    """
+    fresh = soil[MODULUS] * max(sunk, 0.0) ** soil[N_EXP]
+    if sunk >= depth:
+        return fresh
+    if sunk <= surface:
+        return 0.0
+    return min(fresh, held * (sunk - surface) / (depth - surface))
 
 
 @kernel
@@ -287,47 +316,18 @@ def one_way(v, omega, z, z_rate, side, x, soils, starts, radius, width, depth, s
     displacement : float
         Shear displacement of the soil as it is left, m.
     """
-    row = soil_row(x, starts)
-    soil = soils[row]
-    edge = math.inf
-    other = soil
-    if side > 0.0 and row + 1 < starts.size:
-        edge = starts[row + 1] - x
-        other = soils[row + 1]
-    elif side < 0.0 and row > 0:
-        edge = x - starts[row]
-        other = soils[row - 1]
-
-    springs = soil[ELASTIC_MODULUS] < math.inf
-    surface = 0.0
-    if depth > 0.0:
-        surface = depth
-        if springs:
-            surface -= soil[MODULUS] * depth ** soil[N_EXP] / soil[ELASTIC_MODULUS]
-            surface = max(surface, 0.0)
-    if z <= surface:
-        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, shear
-
     transit = max(abs(v), LEAST_TRANSIT_SPEED)
     rim = radius * omega
-    entry = math.acos(max(0.0, 1.0 - (z - surface) / radius))
-    leaving = -math.atan(z_rate / transit)
-    leaving = max(-entry, min(entry, leaving))
-    exit = leaving
-    peak = 0.0
-    if springs:
-        deepest = z - radius * (1.0 - math.cos(leaving))
-        peak = soil[MODULUS] * max(deepest, 0.0) ** soil[N_EXP]
-        if depth > 0.0:
-            peak = min(peak, soil[ELASTIC_MODULUS] * max(deepest - surface, 0.0))
-        # The rim rises from its deepest place by r*(1 - cos(theta - leaving))/cos(leaving).
-        rise = peak / soil[ELASTIC_MODULUS] * math.cos(leaving) / radius
-        exit = max(leaving - math.acos(max(0.0, 1.0 - rise)), -math.pi / 2.0)
-    # Where rim and ground go at the same speed, where soil changes, and where soil that was
-    # pressed before yields again, stresses jump or have a kink.
-    ratio = v / rim if rim != 0.0 else 0.0
-    turning = math.acos(ratio) if 0.0 < ratio < 1.0 else math.pi
-    border = math.asin(edge / radius) if edge < radius else math.pi
+    # Where rim and ground go at the same speed, and where soil that was pressed before yields
+    # again, stresses jump or have a kink.
+    # Below `turning` either way the rim goes as it turns, beyond against the wheel's motion.
+    turning = math.pi
+    if rim == 0.0 or v / rim >= 1.0:
+        turning = -math.pi
+    elif v / rim > 0.0:
+        turning = math.acos(v / rim)
+    inner = 1.0 if rim > 0.0 else -1.0
+    outer = 1.0 if v < 0.0 else -1.0
     yields = math.acos(1.0 - (z - depth) / radius) if 0.0 < depth < z else math.pi
 
     load = 0.0
@@ -336,51 +336,76 @@ def one_way(v, omega, z, z_rate, side, x, soils, starts, radius, width, depth, s
     friction_moment = 0.0
     cohesion_moment = 0.0
     compaction = 0.0
-    displacement = shear
-    start = entry
-    while start > exit:
-        stop = exit
-        for place in (turning, -turning, border, yields, leaving):
-            if stop < place < start:
-                stop = place
-        span = start - stop
-        middle = (start + stop) / 2.0
-        here = other if radius * math.sin(middle) > edge else soil
-        direction = 1.0 if rim * math.cos(middle) > v else -1.0
-        # Antiderivative of the rim's speed over the ground, (rim*cos s - v)*cos s.
-        swept_before = rim * (start + math.sin(start) * math.cos(start)) / 2.0
-        swept_before -= v * math.sin(start)
-        for k in range(NODES.size):
-            theta = start - span * NODES[k]
-            cos_theta = math.cos(theta)
-            sin_theta = math.sin(theta)
-            pressing = here[DAMPING] * (z_rate + rim * sin_theta)
-            if theta >= leaving:
-                sunk = max(z - radius * (1.0 - cos_theta), 0.0)
-                sigma = here[MODULUS] * sunk ** here[N_EXP]
-                if depth > 0.0 and springs:
-                    sigma = min(sigma, here[ELASTIC_MODULUS] * max(sunk - surface, 0.0))
-                sigma += max(pressing, 0.0)
-            else:
-                risen = radius * (1.0 - math.cos(theta - leaving)) / math.cos(leaving)
-                sigma = max(peak - here[ELASTIC_MODULUS] * risen, 0.0)
-                sigma = max(sigma + pressing, 0.0)
-            swept = rim * (theta + sin_theta * cos_theta) / 2.0 - v * sin_theta
-            sheared = displacement + radius / transit * abs(swept_before - swept)
-            sheared += shear_step * abs(rim * cos_theta - v)
-            area = span * WEIGHTS[k] * cos_theta
-            by_cohesion = direction * mobilised(sheared, here) * area
-            by_friction = by_cohesion * sigma * here[TAN_PHI]
-            by_cohesion *= here[COHESION]
-            load += sigma * area
-            friction += by_friction
-            cohesion += by_cohesion
-            friction_moment += by_friction * cos_theta
-            cohesion_moment += by_cohesion * cos_theta
-            compaction += sigma * sin_theta * area
-        swept = rim * (stop + math.sin(stop) * math.cos(stop)) / 2.0 - v * math.sin(stop)
-        displacement += radius / transit * abs(swept_before - swept)
-        start = stop
+    before = shear
+    displacement = 0.0
+    # Soil by soil, as the wheel meets them.
+    rear = soil_row(x - radius, starts)
+    front = soil_row(x + radius, starts)
+    for turn in range(front - rear + 1):
+        row = front - turn if side > 0.0 else rear + turn
+        here = soils[row]
+        held = here[MODULUS] * depth ** here[N_EXP]
+        # Soil that was pressed before has sprung back.
+        surface = max(depth - held / here[ELASTIC_MODULUS], 0.0)
+        if z <= surface:
+            continue
+        before = shear * here[SHEAR_MEMORY]
+        start = math.acos(max(0.0, 1.0 - (z - surface) / radius))
+        leaving = max(-start, min(start, -math.atan(z_rate / transit)))
+        exit = leaving
+        peak = 0.0
+        if here[ELASTIC_MODULUS] < math.inf:
+            deepest = z - radius * (1.0 - math.cos(leaving))
+            peak = pressure(deepest, depth, surface, held, here)
+            # The rim rises from its deepest place by r*(1 - cos(theta - leaving))/cos(leaving).
+            rise = peak / here[ELASTIC_MODULUS] * math.cos(leaving) / radius
+            exit = max(leaving - math.acos(max(0.0, 1.0 - rise)), -math.pi / 2.0)
+        if front > rear:
+            begins = (starts[row] - x) / radius
+            ends = (starts[row + 1] - x) / radius if row < front else 1.0
+            if side < 0.0:
+                begins, ends = -ends, -begins
+            start = min(start, math.asin(max(-1.0, min(1.0, ends))))
+            exit = max(exit, math.asin(max(-1.0, min(1.0, begins))))
+        while start > exit:
+            stop = exit
+            for place in (turning, -turning, yields, leaving):
+                if stop < place < start:
+                    stop = place
+            span = start - stop
+            middle = (start + stop) / 2.0
+            direction = inner if abs(middle) < turning else outer
+            # Antiderivative of the rim's speed over the ground, (rim*cos s - v)*cos s.
+            swept_before = rim * (start + math.sin(start) * math.cos(start)) / 2.0
+            swept_before -= v * math.sin(start)
+            for k in range(NODES.size):
+                theta = start - span * NODES[k]
+                cos_theta = math.cos(theta)
+                sin_theta = math.sin(theta)
+                pressing = here[DAMPING] * (z_rate + rim * sin_theta)
+                if middle > leaving:
+                    sunk = z - radius * (1.0 - cos_theta)
+                    sigma = pressure(sunk, depth, surface, held, here) + max(pressing, 0.0)
+                else:
+                    risen = radius * (1.0 - math.cos(theta - leaving)) / math.cos(leaving)
+                    sigma = max(peak - here[ELASTIC_MODULUS] * risen, 0.0)
+                    sigma = max(sigma + pressing, 0.0)
+                swept = rim * (theta + sin_theta * cos_theta) / 2.0 - v * sin_theta
+                sheared = before + displacement + radius / transit * abs(swept_before - swept)
+                sheared += shear_step * abs(rim * cos_theta - v)
+                area = span * WEIGHTS[k] * cos_theta
+                by_cohesion = direction * mobilised(sheared, here) * area
+                by_friction = by_cohesion * sigma * here[TAN_PHI]
+                by_cohesion *= here[COHESION]
+                load += sigma * area
+                friction += by_friction
+                cohesion += by_cohesion
+                friction_moment += by_friction * cos_theta
+                cohesion_moment += by_cohesion * cos_theta
+                compaction += sigma * sin_theta * area
+            swept = rim * (stop + math.sin(stop) * math.cos(stop)) / 2.0 - v * math.sin(stop)
+            displacement += radius / transit * abs(swept_before - swept)
+            start = stop
     element = width * radius
     # Soil ahead cannot turn a wheel that turns against the motion.
     rolling = max(0.0, min(1.0, 1.0 + rim / transit))
@@ -391,7 +416,7 @@ def one_way(v, omega, z, z_rate, side, x, soils, starts, radius, width, depth, s
         friction_moment * element,
         cohesion_moment * element,
         rolling * compaction * element,
-        displacement,
+        before + displacement,
     )
 
 
@@ -456,7 +481,7 @@ def arc_contact(
         # At standstill both sides count as fresh, or a wheel's own rut would let it roll back.
         moving = max(0.0, min(1.0, side * v / LEAST_TRANSIT_SPEED))
         depth *= moving
-        shear *= moving * soils[soil_row(x, starts), SHEAR_MEMORY]
+        shear *= moving
         in_rut = min(rut_width, width) if depth > 0.0 else 0.0
         for beside in range(2):
             strip = width - in_rut if beside else in_rut
@@ -481,6 +506,14 @@ def arc_contact(
         friction *= scale
         friction_moment *= scale
         compaction *= scale
+    # Harder soil on one side does not turn a wheel that stands, and soil that presses on one
+    # which turns against the motion gives back no more than shearing and sinking take.
+    rim = radius * omega
+    compaction *= min(1.0, max(abs(v), abs(rim)) / LEAST_TRANSIT_SPEED)
+    taken = (friction_moment + cohesion_moment) * rim - (friction + cohesion) * v
+    taken = max(taken + load * max(z_rate, 0.0), 0.0)
+    if -compaction * rim > taken:
+        compaction = -taken / rim
     resistance = compaction
     moment = radius * (friction_moment + cohesion_moment + compaction)
     return load, friction + cohesion + resistance, resistance, moment, left
@@ -509,7 +542,8 @@ def forces_at(
     radius, width : float
         r and b, m.
     track : int
-        Which rut it runs in, -1 for none; the closed forms take all soil for fresh.
+        Which rut it runs in, -1 for none; the closed forms take all soil for fresh, and for
+        that under the centre.
     ruts : Ruts
         What wheels have left so far.
     imposed : float
