@@ -3,6 +3,7 @@
 from traction_model.contact import Form
 from traction_model.definition import DefinitionError
 from traction_model.empirical import Brixius, Burckhardt, CurveFit, Pacejka, fit_curve
+from traction_model.lpv import LpvModel
 from traction_model.simulate import Drawbar, Plant, Trajectory, simulate
 from traction_model.soil import Soil, load_soil, preset_soils, read_soils
 from traction_model.terrain import Terrain, load_terrain
@@ -23,6 +24,7 @@ __all__ = [
     'DefinitionError',
     'Drawbar',
     'Form',
+    'LpvModel',
     'Pacejka',
     'Plant',
     'Soil',

@@ -180,6 +180,24 @@ def mean_mobilised(y, soil):
 
 
 @kernel
+def slip_along_path(v, rim):
+    """Slip that passes evenly through standstill, for the closed forms.
+
+    Parameters
+    ----------
+    v, rim : float
+        Speed of the centre and r*omega, m/s, forward positive.
+
+    Returns
+    -------
+    float
+        Slip, -1 to 1, along the path positive, whichever way the wheel goes.
+    """
+    slipping = (rim - v) / max(abs(v), abs(rim), LEAST_TRANSIT_SPEED)
+    return max(-1.0, min(1.0, slipping))
+
+
+@kernel
 def plate_contact(form, v, omega, z, z_rate, soil, radius, width, imposed):
     """Forces on a wheel by the forms `PAPER`, `BEKKER_WONG` and `EMPIRICAL`.
 
@@ -220,10 +238,8 @@ def plate_contact(form, v, omega, z, z_rate, soil, radius, width, imposed):
 
     # Fades out at standstill, where resistance has no direction.
     rolling = max(-1.0, min(1.0, v / LEAST_TRANSIT_SPEED))
-    # Slip along the path, which passes evenly through standstill.
     rim = radius * omega
-    slipping = (rim - v) / max(abs(v), abs(rim), LEAST_TRANSIT_SPEED)
-    slipping = max(-1.0, min(1.0, slipping))
+    slipping = slip_along_path(v, rim)
     if form == 3:
         gross, drag = curve_ratios(soil[CURVE:], slipping)
         backward, _ = curve_ratios(soil[CURVE:], -slipping)
