@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from peers import Failed, Octave, Scipy, closed_form, stress_integrals
+from peers import Octave, Scipy, SolverError, closed_form, stress_integrals
 from problem import SAMPLE_TIME, Problem, recorded
 from rich.console import Console
 from rich.table import Table
@@ -83,7 +83,7 @@ def compare(what, problem, form, peers, real_time, console):
                 runs = [peer(problem, ours.sinkage[0])]
                 while sum(run[0] for run in runs) < PEER_TIME and len(runs) < REPEATS:
                     runs.append(peer(problem, ours.sinkage[0]))
-        except Failed as failure:
+        except SolverError as failure:
             console.print(f'{what}: {peer.name} gave no answer: {failure}')
             continue
         seconds, v, omega = min(runs, key=lambda run: run[0])

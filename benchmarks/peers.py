@@ -172,7 +172,7 @@ def stress_integrals(problem: Problem, points: int = 24) -> Motion:
     return motion
 
 
-class Failed(Exception):
+class SolverError(Exception):
     """A peer gave no answer; the text says why."""
 
 
@@ -215,7 +215,7 @@ class Scipy:
         )  # fmt: skip
         took = time.perf_counter() - begin
         if not done.success:
-            raise Failed(done.message)
+            raise SolverError(done.message)
         return took, done.y[0], done.y[1 : 1 + len(problem.omega0)].T
 
 
@@ -271,6 +271,8 @@ class Octave:
                 text=True,
             )
             if done.returncode:
-                raise Failed(done.stderr.strip().splitlines()[-1] if done.stderr else 'no text')
+                raise SolverError(
+                    done.stderr.strip().splitlines()[-1] if done.stderr else 'no text'
+                )
             rows = np.loadtxt(Path(folder) / 'motion.txt')
         return float(done.stdout.split()[-1]), rows[:, 0], rows[:, 1:2]
