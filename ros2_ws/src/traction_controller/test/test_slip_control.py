@@ -11,7 +11,8 @@ from traction_controller.slip_control import ExitReason, LimitStatus, Mode, Slip
 from traction_controller.slip_estimation import thrust_curve
 from traction_model.lpv import sampled, slip_dynamics
 from traction_model.simulate import Drawbar, Plant
-from traction_model.soil import Terrain, load_soil
+from traction_model.soil import load_soil
+from traction_model.terrain import Terrain
 from traction_model.vehicle import GRAVITY, load_vehicle
 
 RIG = load_vehicle('single_wheel_rig')

@@ -331,7 +331,7 @@ class SlipEstimation:
         strengths = []
         for wheel, load in zip(vehicle.wheels, loads, strict=True):
             z = equilibrium_sinkage(
-                int(Form.CONTACT), 0.0, 0.0, load, soil.packed(), wheel.radius, wheel.width
+                int(Form.CONTACT), 0.0, 0.0, load, soil.packed(wheel), wheel.radius, wheel.width
             )
             length = wheel.radius * math.acos(1 - z / wheel.radius)
             area = wheel.width * length

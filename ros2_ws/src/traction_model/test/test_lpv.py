@@ -13,7 +13,7 @@ from traction_model.wheel import Wheel
 WHEEL = Wheel(radius=0.5, width=0.4, inertia=20)
 MASS = 500.0
 SINKAGE = 0.15
-SAND = load_soil('paper_sand').packed()
+SAND = load_soil('paper_sand').packed(WHEEL)
 
 
 def forces(slip, rim_speed):

@@ -2,11 +2,11 @@
 
 import math
 
-import numpy as np
 import pytest
 
 from traction_model.definition import DefinitionError
-from traction_model.soil import Soil, Terrain, load_soil, preset_soils, read_soils
+from traction_model.soil import Soil, load_soil, preset_soils, read_soils
+from traction_model.wheel import Wheel
 
 # Wong, Terramechanics and Off-Road Vehicle Engineering, 2009, as tabulated in the open
 # literature: k_phi kN/m^(n+2), k_c kN/m^(n+1), n, c kPa, phi deg, K m.
@@ -62,7 +62,10 @@ def test_preset_is_the_published_soil(name):
 def test_soil_of_the_paper():
     # Agriculture 2024, 14(3), 499, Table 1.
     soil = load_soil('paper_sand')
-    assert soil.packed() == pytest.approx([0, 0.2e6, 1.1, 0, math.sqrt(1 / 3), 0.01, 3e4])
+    wheel = Wheel(radius=0.5, width=0.4, inertia=20)
+    assert soil.packed(wheel) == pytest.approx(
+        [0.2e6, 1.1, 0, math.sqrt(1 / 3), 0.01, 3e4, math.inf, 0, 1, 0, 1]
+    )
 
 
 def test_strength_is_mohr_coulombs():
@@ -140,27 +143,3 @@ def test_file_without_a_soils_name(name):
         DefinitionError, match=rf"'{name}': say which soil of the file, as in file\.yaml:name"
     ):
         load_soil(name)
-
-
-def test_terrain_packs_soils_in_order():
-    terrain = Terrain([load_soil('dry_sand'), load_soil('snow_us')], [15.0])
-    assert terrain.starts.tolist() == [-np.inf, 15.0]
-    assert terrain.packed[1] == pytest.approx(load_soil('snow_us').packed())
-    alone = Terrain(load_soil('dry_sand'))
-    assert alone.soils == (load_soil('dry_sand'),)
-
-
-@pytest.mark.parametrize(
-    ('count', 'starts', 'reason'),
-    [
-        (2, [], '2 soils need 1 starts, got 0'),
-        (1, [3.0], '1 soils need 0 starts, got 1'),
-        (3, [4.0, 4.0], r'must be finite and increase, got \[4.0, 4.0\] m'),
-        (2, [math.nan], r'must be finite and increase, got \[nan\] m'),
-        (2, [math.inf], r'must be finite and increase, got \[inf\] m'),
-    ],
-)
-def test_terrain_that_does_not_fit(count, starts, reason):
-    soils: list[Soil] = [load_soil('dry_sand')] * count
-    with pytest.raises(ValueError, match=reason):
-        Terrain(soils, starts)

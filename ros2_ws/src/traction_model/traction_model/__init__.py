@@ -3,7 +3,8 @@
 from traction_model.contact import Form
 from traction_model.definition import DefinitionError
 from traction_model.simulate import Drawbar, Plant, Trajectory, simulate
-from traction_model.soil import Soil, Terrain, load_soil, preset_soils, read_soils
+from traction_model.soil import Soil, load_soil, preset_soils, read_soils
+from traction_model.terrain import Terrain, load_terrain
 from traction_model.vehicle import Axle, Vehicle, load_vehicle
 from traction_model.wheel import Wheel
 
@@ -19,6 +20,7 @@ __all__ = [
     'Vehicle',
     'Wheel',
     'load_soil',
+    'load_terrain',
     'load_vehicle',
     'preset_soils',
     'read_soils',

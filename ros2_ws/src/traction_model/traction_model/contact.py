@@ -1,10 +1,13 @@
-"""Contact of one wheel with soil: load, thrust, motion resistance and moment in four forms.
+"""Contact of one wheel with soil: load, thrust, motion resistance and moment in all forms.
 
 All forms share one interface: from speed, wheel speed, sinkage and its rate they give
 
 - ``load`` N, the soil's upward force on the wheel,
 - ``thrust`` F and ``resistance`` R, whose difference is the net horizontal force,
 - ``moment`` M, the soil's moment about the wheel's centre, positive when it resists.
+
+A load that is known, as when sinkage is measured, may be imposed: normal stress is then scaled
+so that the soil carries just that load, and thrust, resistance and moment follow.
 
 Sources: Agriculture 2024, 14(3), 499 (*the paper*), equations (17) to (25); M. G. Bekker,
 Introduction to Terrain-Vehicle Systems, 1969; J. Y. Wong and A. R. Reece, Prediction of rigid
@@ -17,8 +20,22 @@ from enum import IntEnum
 import numpy as np
 
 from traction_model.kernel import kernel
+from traction_model.rut import fresh_ruts, rut_at
 from traction_model.slip import slip
-from traction_model.soil import COHESION, DAMPING, K_C, K_PHI, N_EXP, SHEAR_MODULUS, TAN_PHI
+from traction_model.soil import (
+    COHESION,
+    DAMPING,
+    ELASTIC_MODULUS,
+    HUMP,
+    MODULUS,
+    N_EXP,
+    RESIDUAL,
+    SHEAR_LAW,
+    SHEAR_MEMORY,
+    SHEAR_MODULUS,
+    TAN_PHI,
+)
+from traction_model.terrain import soil_row
 
 
 class Form(IntEnum):
@@ -45,10 +62,17 @@ LEAST_TRANSIT_SPEED = 0.05
 It bounds the shear displacement at standstill, where the stress integral has no limit.
 """
 
-_NODES, _WEIGHTS = (array for array in np.polynomial.legendre.leggauss(16))
-# On (0, 1), for each of the two parts of the contact in which shear has one direction.
-NODES = (_NODES + 1) / 2
-WEIGHTS = _WEIGHTS / 2
+FREE = -1.0
+"""In place of an imposed load, N: the soil carries what sinkage makes it carry."""
+
+_NODES, _WEIGHTS = (array for array in np.polynomial.legendre.leggauss(12))
+# On (0, 1) for each part of the contact, closer together towards its front: pressure and shear
+# rise from nothing there, like a power of the distance.
+NODES = ((_NODES + 1) / 2) ** 2
+WEIGHTS = _WEIGHTS * (_NODES + 1) / 2
+
+EVERYWHERE = np.array([-np.inf])
+UNTOUCHED = fresh_ruts(0, 0.0)
 
 
 @kernel
@@ -72,7 +96,65 @@ def shear_deficit(y):
 
 
 @kernel
-def plate_contact(form, v, omega, z, z_rate, soil, radius, width):
+def mobilised(displacement, soil):
+    """Share of the shear strength mobilised at a shear displacement, by the soil's law.
+
+    Parameters
+    ----------
+    displacement : float
+        j, m, at least 0.
+    soil : ndarray, shape (11,)
+        A packed soil, SI units.
+
+    Returns
+    -------
+    float
+        g, dimensionless, 0 to 1.
+    """
+    y = displacement / soil[SHEAR_MODULUS]
+    if soil[SHEAR_LAW] == 0.0:
+        return -math.expm1(-y)
+    if soil[SHEAR_LAW] == 1.0:
+        return soil[RESIDUAL] * (1.0 + soil[HUMP] * math.exp(1.0 - y)) * -math.expm1(-y)
+    fading = 2.0 * math.exp(-y) / (1.0 + math.exp(-2.0 * y))
+    return soil[RESIDUAL] * math.tanh(y) * (1.0 + soil[HUMP] * fading)
+
+
+@kernel
+def mean_mobilised(y, soil):
+    """Mean of `mobilised` over a contact along which shear displacement grows evenly.
+
+    Parameters
+    ----------
+    y : float
+        Shear displacement at the contact's end over K, dimensionless, at least 0.
+    soil : ndarray, shape (11,)
+        A packed soil, SI units.
+
+    Returns
+    -------
+    float
+        ``1 - kappa``, dimensionless, 0 to 1.
+    """
+    deficit = shear_deficit(y)
+    if soil[SHEAR_LAW] == 0.0:
+        return 1.0 - deficit
+    residual, hump = soil[RESIDUAL], soil[HUMP]
+    if soil[SHEAR_LAW] == 1.0:
+        # Integral of (1 + H*e^(1-u))*(1 - e^-u).
+        return residual * (
+            1.0 - deficit + hump * math.e * (deficit - shear_deficit(2.0 * y))
+        )
+    if y < 1e-4:
+        return residual * (1.0 + hump) * y / 2.0
+    # Integral of tanh(u)*(1 + H/cosh(u)): ln cosh(y) + H*(1 - 1/cosh(y)).
+    fading = 2.0 * math.exp(-y) / (1.0 + math.exp(-2.0 * y))
+    logarithm = y + math.log1p(math.exp(-2.0 * y)) - math.log(2.0)
+    return residual * (logarithm + hump * (1.0 - fading)) / y
+
+
+@kernel
+def plate_contact(form, v, omega, z, z_rate, soil, radius, width, imposed):
     """Forces on a wheel by the closed forms `PAPER` and `BEKKER_WONG`.
 
     The contact is a flat plate of width b and of the length the sinkage gives it,
@@ -86,10 +168,12 @@ def plate_contact(form, v, omega, z, z_rate, soil, radius, width):
         Speed of the centre, m/s, and wheel speed, rad/s, forward positive.
     z, z_rate : float
         Sinkage, m, and its rate, m/s, downward positive.
-    soil : ndarray, shape (7,)
+    soil : ndarray, shape (11,)
         A packed soil, SI units.
     radius, width : float
         r and b, m.
+    imposed : float
+        Load that the soil carries, N, or `FREE`.
 
     Returns
     -------
@@ -102,18 +186,19 @@ def plate_contact(form, v, omega, z, z_rate, soil, radius, width):
     z = min(z, radius)
     length = math.sqrt(2.0 * radius * z - z * z)
     area = width * length
-    pressure = (soil[K_C] / width + soil[K_PHI]) * z ** soil[N_EXP]
-    load = area * (pressure + soil[DAMPING] * max(z_rate, 0.0))
+    load = imposed
+    if load < 0.0:
+        load = area * (soil[MODULUS] * z ** soil[N_EXP] + soil[DAMPING] * max(z_rate, 0.0))
     strength = soil[COHESION] + load / area * soil[TAN_PHI]
 
     slipping = slip(v, radius * omega)
     y = abs(slipping) * length / soil[SHEAR_MODULUS]
     if form == 0:
-        kappa = min(1.0, 1.0 / y) if y > 0.0 else 1.0
+        share = 1.0 - min(1.0, 1.0 / y) if y > 0.0 else 0.0
     else:
-        kappa = shear_deficit(y)
+        share = mean_mobilised(y, soil)
     direction = 1.0 if radius * omega >= v else -1.0
-    thrust = direction * strength * area * (1.0 - kappa)
+    thrust = direction * strength * area * share
     # Fades out at standstill, where resistance has no direction.
     rolling = max(-1.0, min(1.0, v / LEAST_TRANSIT_SPEED))
     resistance = rolling * width * load * z / ((soil[N_EXP] + 1.0) * area)
@@ -121,13 +206,169 @@ def plate_contact(form, v, omega, z, z_rate, soil, radius, width):
 
 
 @kernel
-def arc_contact(v, omega, z, z_rate, soil, radius, width):
+def one_way(v, omega, z, z_rate, side, x, soils, starts, radius, width, depth, shear, shear_step):
+    """Stresses over the contact arc of a strip of wheel that meets soil at one side.
+
+    Seen so that the wheel goes towards positive theta. Soil is entered where the rim meets its
+    surface. It is left where the rim no longer moves down over the ground, behind the bottom of
+    a wheel that sinks, ahead of it for one that rises: at ``tan(theta) = -z'/v``. From there it
+    springs back, along its elastic modulus.
+
+    Parameters
+    ----------
+    v, omega : float
+        Speed of the centre, m/s, and wheel speed, rad/s, positive towards the entry.
+    z, z_rate : float
+        Sinkage, m, above 0 and at most r, and its rate, m/s, downward positive.
+    side : float
+        1 where the entry lies ahead along the path, -1 where it lies behind.
+    x : float
+        Place of the wheel's centre along the path, m.
+    soils : ndarray, shape (k, 11)
+        Packed soils, SI units.
+    starts : ndarray, shape (k,)
+        Where each soil begins, m, the first minus infinity.
+    radius, width : float
+        r and the strip's width, m.
+    depth : float
+        To which the soil was pressed before, m; 0 when fresh.
+    shear : float
+        Shear displacement that the soil has seen before, m.
+    shear_step : float
+        Time of shearing, s, that soil has behind it as soon as it is touched: 0 but where a
+        simulation with time steps this long is reproduced.
+
+    Returns
+    -------
+    load : float
+        Upward force, N.
+    friction, cohesion : float
+        Horizontal force, N, by friction under the normal stress and by cohesion.
+    friction_moment, cohesion_moment : float
+        Their moments about the centre over r, N.
+    compaction : float
+        Moment of the normal stress about the centre over r, N.
+    displacement : float
+        Shear displacement of the soil as it is left, m.
+    """
+    row = soil_row(x, starts)
+    soil = soils[row]
+    edge = math.inf
+    other = soil
+    if side > 0.0 and row + 1 < starts.size:
+        edge = starts[row + 1] - x
+        other = soils[row + 1]
+    elif side < 0.0 and row > 0:
+        edge = x - starts[row]
+        other = soils[row - 1]
+
+    springs = soil[ELASTIC_MODULUS] < math.inf
+    surface = 0.0
+    if depth > 0.0:
+        surface = depth
+        if springs:
+            surface -= soil[MODULUS] * depth ** soil[N_EXP] / soil[ELASTIC_MODULUS]
+            surface = max(surface, 0.0)
+    if z <= surface:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, shear
+
+    transit = max(abs(v), LEAST_TRANSIT_SPEED)
+    rim = radius * omega
+    entry = math.acos(max(0.0, 1.0 - (z - surface) / radius))
+    leaving = -math.atan(z_rate / transit)
+    leaving = max(-entry, min(entry, leaving))
+    exit = leaving
+    peak = 0.0
+    if springs:
+        deepest = z - radius * (1.0 - math.cos(leaving))
+        peak = soil[MODULUS] * max(deepest, 0.0) ** soil[N_EXP]
+        if depth > 0.0:
+            peak = min(peak, soil[ELASTIC_MODULUS] * max(deepest - surface, 0.0))
+        # The rim rises from its deepest place by r*(1 - cos(theta - leaving))/cos(leaving).
+        rise = peak / soil[ELASTIC_MODULUS] * math.cos(leaving) / radius
+        exit = max(leaving - math.acos(max(0.0, 1.0 - rise)), -math.pi / 2.0)
+    # Where rim and ground go at the same speed, where soil changes, and where soil that was
+    # pressed before yields again, stresses jump or have a kink.
+    ratio = v / rim if rim != 0.0 else 0.0
+    turning = math.acos(ratio) if 0.0 < ratio < 1.0 else math.pi
+    border = math.asin(edge / radius) if edge < radius else math.pi
+    yields = math.acos(1.0 - (z - depth) / radius) if 0.0 < depth < z else math.pi
+
+    load = 0.0
+    friction = 0.0
+    cohesion = 0.0
+    friction_moment = 0.0
+    cohesion_moment = 0.0
+    compaction = 0.0
+    displacement = shear
+    start = entry
+    while start > exit:
+        stop = exit
+        for place in (turning, -turning, border, yields, leaving):
+            if stop < place < start:
+                stop = place
+        span = start - stop
+        middle = (start + stop) / 2.0
+        here = other if radius * math.sin(middle) > edge else soil
+        direction = 1.0 if rim * math.cos(middle) > v else -1.0
+        # Antiderivative of the rim's speed over the ground, (rim*cos s - v)*cos s.
+        swept_before = rim * (start + math.sin(start) * math.cos(start)) / 2.0
+        swept_before -= v * math.sin(start)
+        for k in range(NODES.size):
+            theta = start - span * NODES[k]
+            cos_theta = math.cos(theta)
+            sin_theta = math.sin(theta)
+            pressing = here[DAMPING] * (z_rate + rim * sin_theta)
+            if theta >= leaving:
+                sunk = max(z - radius * (1.0 - cos_theta), 0.0)
+                sigma = here[MODULUS] * sunk ** here[N_EXP]
+                if depth > 0.0 and springs:
+                    sigma = min(sigma, here[ELASTIC_MODULUS] * max(sunk - surface, 0.0))
+                sigma += max(pressing, 0.0)
+            else:
+                risen = radius * (1.0 - math.cos(theta - leaving)) / math.cos(leaving)
+                sigma = max(peak - here[ELASTIC_MODULUS] * risen, 0.0)
+                sigma = max(sigma + pressing, 0.0)
+            swept = rim * (theta + sin_theta * cos_theta) / 2.0 - v * sin_theta
+            sheared = displacement + radius / transit * abs(swept_before - swept)
+            sheared += shear_step * abs(rim * cos_theta - v)
+            area = span * WEIGHTS[k] * cos_theta
+            by_cohesion = direction * mobilised(sheared, here) * area
+            by_friction = by_cohesion * sigma * here[TAN_PHI]
+            by_cohesion *= here[COHESION]
+            load += sigma * area
+            friction += by_friction
+            cohesion += by_cohesion
+            friction_moment += by_friction * cos_theta
+            cohesion_moment += by_cohesion * cos_theta
+            compaction += sigma * sin_theta * area
+        swept = rim * (stop + math.sin(stop) * math.cos(stop)) / 2.0 - v * math.sin(stop)
+        displacement += radius / transit * abs(swept_before - swept)
+        start = stop
+    element = width * radius
+    # Soil ahead cannot turn a wheel that turns against the motion.
+    rolling = max(0.0, min(1.0, 1.0 + rim / transit))
+    return (
+        load * element,
+        friction * element,
+        cohesion * element,
+        friction_moment * element,
+        cohesion_moment * element,
+        rolling * compaction * element,
+        displacement,
+    )
+
+
+@kernel
+def arc_contact(
+    v, omega, z, z_rate, x, soils, starts, radius, width, track, ruts, imposed, shear_step
+):
     """Forces on a wheel by stresses integrated over the contact arc, form `CONTACT`.
 
-    Soil enters at ``theta0 = acos(1 - z/r)`` and leaves at the bottom. Normal stress acts
-    vertically, shear stress horizontally, both per horizontal area, as in Chrono's SCM. The
-    shear displacement is integrated in closed form; where the rim is slower than the ground
-    (near the entry) soil is sheared backwards.
+    Normal stress acts vertically, shear stress horizontally, both per horizontal area, as in
+    Chrono's SCM; shear displacement is integrated in closed form. A wheel wider than the rut
+    that it meets runs on fresh soil beside it. Within `LEAST_TRANSIT_SPEED` of standstill the
+    contact passes evenly from one side of the wheel to the other, and ruts fade out.
 
     Parameters
     ----------
@@ -135,79 +376,85 @@ def arc_contact(v, omega, z, z_rate, soil, radius, width):
         Speed of the centre, m/s, and wheel speed, rad/s, forward positive.
     z, z_rate : float
         Sinkage, m, and its rate, m/s, downward positive.
-    soil : ndarray, shape (7,)
-        A packed soil, SI units.
+    x : float
+        Place of the wheel's centre along the path, m.
+    soils : ndarray, shape (k, 11)
+        Packed soils, SI units.
+    starts : ndarray, shape (k,)
+        Where each soil begins, m, the first minus infinity.
     radius, width : float
         r and b, m.
+    track : int
+        Which rut it runs in, -1 for none.
+    ruts : Ruts
+        What wheels have left so far.
+    imposed : float
+        Load that the soil carries, N, or `FREE`.
+    shear_step : float
+        See `one_way`, s.
 
     Returns
     -------
     load, thrust, resistance, moment : float
         N, N, N, N*m.
+    shear : float
+        Shear displacement of the soil as it is left, m.
     """
     if z <= 0.0:
-        return 0.0, 0.0, 0.0, 0.0
-    # In reverse the same wheel, seen from the other side.
-    heading = 1.0
-    if v < 0.0 or (v == 0.0 and omega < 0.0):
-        heading, v, omega = -1.0, -v, -omega
-    transit = max(v, LEAST_TRANSIT_SPEED)
-    rim = radius * omega
-
-    entry = math.acos(max(0.0, 1.0 - z / radius))
-    cos_entry = math.cos(entry)
-    stiffness = (soil[K_C] / width + soil[K_PHI]) * radius ** soil[N_EXP]
-
-    # Antiderivative of the rim's speed over the ground, (rim*cos s - v)*cos s, at the entry
-    # and where that speed changes sign, if it does within the contact.
-    at_entry = rim * (entry + math.sin(entry) * cos_entry) / 2.0 - v * math.sin(entry)
-    turning = min(entry, math.acos(v / rim)) if rim > v else 0.0
-    at_turning = rim * (turning + math.sin(turning) * math.cos(turning)) / 2.0
-    at_turning -= v * math.sin(turning)
-
+        return 0.0, 0.0, 0.0, 0.0, 0.0
+    z = min(z, radius)
+    entry = radius * math.sin(math.acos(1.0 - z / radius))
+    ahead = max(0.0, min(1.0, (1.0 + v / LEAST_TRANSIT_SPEED) / 2.0))
     load = 0.0
-    net = 0.0
-    shear_moment = 0.0
+    friction = 0.0
+    cohesion = 0.0
+    friction_moment = 0.0
+    cohesion_moment = 0.0
     compaction = 0.0
-    # Shear stress jumps at the turning: each side is integrated by itself, so that forces are
-    # continuous in speed and sinkage.
-    for side in range(2):
-        start = 0.0 if side == 0 else turning
-        span = (turning if side == 0 else entry) - start
-        if span <= 0.0:
+    left = 0.0
+    for side in (1.0, -1.0):
+        weight = ahead if side > 0.0 else 1.0 - ahead
+        if weight == 0.0:
             continue
-        direction = 1.0 if side == 0 else -1.0
-        for k in range(NODES.size):
-            theta = start + span * NODES[k]
-            cos_theta = math.cos(theta)
-            sin_theta = math.sin(theta)
-            sigma = stiffness * max(cos_theta - cos_entry, 0.0) ** soil[N_EXP]
-            sigma += soil[DAMPING] * max(z_rate + rim * sin_theta, 0.0)
-
-            swept = rim * (theta + sin_theta * cos_theta) / 2.0 - v * sin_theta
-            if side == 0:
-                path = (at_turning - at_entry) + (at_turning - swept)
-            else:
-                path = swept - at_entry
-            displacement = max(path, 0.0) * radius / transit
-            tau = direction * (soil[COHESION] + sigma * soil[TAN_PHI])
-            tau *= -math.expm1(-displacement / soil[SHEAR_MODULUS])
-
-            area = span * WEIGHTS[k] * cos_theta
-            load += sigma * area
-            net += tau * area
-            shear_moment += tau * cos_theta * area
-            compaction += sigma * sin_theta * area
-    element = width * radius
-    # Soil is pushed ahead only by a wheel that moves on.
-    resistance = heading * min(1.0, v / transit) * compaction * element
-    moment = heading * radius * shear_moment * element + radius * resistance
-    return load * element, heading * net * element + resistance, resistance, moment
+        depth, shear, rut_width = rut_at(x + side * entry, track, ruts)
+        # At standstill both sides count as fresh, or a wheel's own rut would let it roll back.
+        moving = max(0.0, min(1.0, side * v / LEAST_TRANSIT_SPEED))
+        depth *= moving
+        shear *= moving * soils[soil_row(x, starts), SHEAR_MEMORY]
+        in_rut = min(rut_width, width) if depth > 0.0 else 0.0
+        for beside in range(2):
+            strip = width - in_rut if beside else in_rut
+            if strip <= 0.0:
+                continue
+            if beside:
+                depth, shear = 0.0, 0.0
+            part = one_way(
+                side * v, side * omega, z, z_rate, side, x, soils, starts, radius, strip,
+                depth, shear, shear_step,
+            )  # fmt: skip
+            load += weight * part[0]
+            friction += weight * side * part[1]
+            cohesion += weight * side * part[2]
+            friction_moment += weight * side * part[3]
+            cohesion_moment += weight * side * part[4]
+            compaction += weight * side * part[5]
+            left = max(left, part[6])
+    if imposed >= 0.0 and load > 0.0:
+        scale = imposed / load
+        load = imposed
+        friction *= scale
+        friction_moment *= scale
+        compaction *= scale
+    resistance = compaction
+    moment = radius * (friction_moment + cohesion_moment + compaction)
+    return load, friction + cohesion + resistance, resistance, moment, left
 
 
 @kernel
-def contact(form, v, omega, z, z_rate, soil, radius, width):
-    """Forces on one wheel, by any form.
+def forces_at(
+    form, v, omega, z, z_rate, x, soils, starts, radius, width, track, ruts, imposed, shear_step
+):
+    """Forces on one wheel at its place along the path, by any form.
 
     Parameters
     ----------
@@ -217,23 +464,43 @@ def contact(form, v, omega, z, z_rate, soil, radius, width):
         Speed of the centre, m/s, and wheel speed, rad/s, forward positive.
     z, z_rate : float
         Sinkage, m, and its rate, m/s, downward positive.
-    soil : ndarray, shape (7,)
-        A packed soil, SI units.
+    x : float
+        Place of the wheel's centre along the path, m.
+    soils : ndarray, shape (k, 11)
+        Packed soils, SI units.
+    starts : ndarray, shape (k,)
+        Where each soil begins, m, the first minus infinity.
     radius, width : float
         r and b, m.
+    track : int
+        Which rut it runs in, -1 for none; the closed forms take all soil for fresh.
+    ruts : Ruts
+        What wheels have left so far.
+    imposed : float
+        Load that the soil carries, N, or `FREE`.
+    shear_step : float
+        See `one_way`, s.
 
     Returns
     -------
     load, thrust, resistance, moment : float
         N, N, N, N*m: load on the wheel, thrust, motion resistance, moment about its centre.
+    shear : float
+        Shear displacement of the soil as it is left, m.
     """
     if form == 2:
-        return arc_contact(v, omega, z, z_rate, soil, radius, width)
-    return plate_contact(form, v, omega, z, z_rate, soil, radius, width)
+        return arc_contact(
+            v, omega, z, z_rate, x, soils, starts, radius, width, track, ruts, imposed, shear_step
+        )
+    soil = soils[soil_row(x, starts)]
+    load, thrust, resistance, moment = plate_contact(
+        form, v, omega, z, z_rate, soil, radius, width, imposed
+    )
+    return load, thrust, resistance, moment, 0.0
 
 
 @kernel
-def equilibrium_sinkage(form, v, omega, load, soil, radius, width):
+def sinkage_at(form, v, omega, load, x, soils, starts, radius, width, track, ruts):
     """Sinkage at which the soil carries a load while the wheel neither rises nor sinks.
 
     False position on (0, r) with the Illinois step, to 0.1 um or a millionth of the load.
@@ -246,10 +513,18 @@ def equilibrium_sinkage(form, v, omega, load, soil, radius, width):
         Speed of the centre, m/s, and wheel speed, rad/s, forward positive.
     load : float
         Load to carry, N.
-    soil : ndarray, shape (7,)
-        A packed soil, SI units.
+    x : float
+        Place of the wheel's centre along the path, m.
+    soils : ndarray, shape (k, 11)
+        Packed soils, SI units.
+    starts : ndarray, shape (k,)
+        Where each soil begins, m, the first minus infinity.
     radius, width : float
         r and b, m.
+    track : int
+        Which rut it runs in, -1 for none.
+    ruts : Ruts
+        What wheels have left so far.
 
     Returns
     -------
@@ -260,14 +535,18 @@ def equilibrium_sinkage(form, v, omega, load, soil, radius, width):
         return 0.0
     low, high = 0.0, radius
     at_low = -load
-    at_high = contact(form, v, omega, high, 0.0, soil, radius, width)[0] - load
+    at_high = -load + forces_at(
+        form, v, omega, high, 0.0, x, soils, starts, radius, width, track, ruts, FREE, 0.0
+    )[0]  # fmt: skip
     if at_high <= 0.0:
         return radius
     z = low
     side = 0
     for _ in range(100):
         z = (low * at_high - high * at_low) / (at_high - at_low)
-        at_z = contact(form, v, omega, z, 0.0, soil, radius, width)[0] - load
+        at_z = -load + forces_at(
+            form, v, omega, z, 0.0, x, soils, starts, radius, width, track, ruts, FREE, 0.0
+        )[0]  # fmt: skip
         if abs(at_z) < 1e-6 * load or high - low < 1e-7:
             break
         if at_z < 0.0:
@@ -281,3 +560,58 @@ def equilibrium_sinkage(form, v, omega, load, soil, radius, width):
                 at_low /= 2.0
             side = 1
     return z
+
+
+@kernel
+def contact(form, v, omega, z, z_rate, soil, radius, width):
+    """Forces on one wheel on fresh soil that is the same all around, by any form.
+
+    Parameters
+    ----------
+    form : int
+        A `Form`.
+    v, omega : float
+        Speed of the centre, m/s, and wheel speed, rad/s, forward positive.
+    z, z_rate : float
+        Sinkage, m, and its rate, m/s, downward positive.
+    soil : ndarray, shape (11,)
+        A packed soil, SI units.
+    radius, width : float
+        r and b, m.
+
+    Returns
+    -------
+    load, thrust, resistance, moment : float
+        N, N, N, N*m: load on the wheel, thrust, motion resistance, moment about its centre.
+    """
+    return forces_at(
+        form, v, omega, z, z_rate, 0.0, soil.reshape(1, -1), EVERYWHERE, radius, width,
+        -1, UNTOUCHED, FREE, 0.0,
+    )[:4]  # fmt: skip
+
+
+@kernel
+def equilibrium_sinkage(form, v, omega, load, soil, radius, width):
+    """Sinkage under a load, in equilibrium, on fresh soil that is the same all around.
+
+    Parameters
+    ----------
+    form : int
+        A `Form`.
+    v, omega : float
+        Speed of the centre, m/s, and wheel speed, rad/s, forward positive.
+    load : float
+        Load to carry, N.
+    soil : ndarray, shape (11,)
+        A packed soil, SI units.
+    radius, width : float
+        r and b, m.
+
+    Returns
+    -------
+    float
+        Sinkage, m; 0 for no load, and r where even that depth does not carry the load.
+    """
+    return sinkage_at(
+        form, v, omega, load, 0.0, soil.reshape(1, -1), EVERYWHERE, radius, width, -1, UNTOUCHED
+    )

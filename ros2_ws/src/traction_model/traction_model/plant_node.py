@@ -11,7 +11,8 @@ from traction_interfaces.msg import SlipEstimate
 from traction_model.contact import Form
 from traction_model.sensors import Radar, RadarModel, Tachometer
 from traction_model.simulate import Drawbar, Plant
-from traction_model.soil import Terrain, load_soil
+from traction_model.soil import load_soil
+from traction_model.terrain import Terrain, load_terrain
 from traction_model.vehicle import load_vehicle
 from traction_node import diagnostic
 from traction_node.joints import JointOrder
@@ -39,6 +40,18 @@ class PlantNode(TractionNode):
             [0.0],
             'where each soil begins along the path of the rear axle (the first: not used)',
             unit='m',
+            read_only=True,
+        ),
+        Parameter(
+            'terrain',
+            '',
+            'YAML or CSV file of soils and slopes along the path, in place of soils and grade',
+            read_only=True,
+        ),
+        Parameter(
+            'multipass',
+            True,
+            'whether wheels meet the ruts of those before them, or fresh soil',
             read_only=True,
         ),
         Parameter(
@@ -126,18 +139,22 @@ class PlantNode(TractionNode):
 
     def _build(self, p):
         vehicle = load_vehicle(p.vehicle)
-        soils = [load_soil(name) for name in p.soils]
-        if len(p.soil_starts) != len(soils):
-            raise ValueError(
-                f'{len(soils)} soils need as many soil_starts, got {len(p.soil_starts)}'
-            )
+        if p.terrain:
+            terrain = load_terrain(p.terrain)
+        else:
+            soils = [load_soil(name) for name in p.soils]
+            if len(p.soil_starts) != len(soils):
+                raise ValueError(
+                    f'{len(soils)} soils need as many soil_starts, got {len(p.soil_starts)}'
+                )
+            terrain = Terrain(soils, p.soil_starts[1:], p.grade)
         return Plant(
             vehicle,
-            Terrain(soils, p.soil_starts[1:]),
+            terrain,
             form=Form[p.form.upper()],
             sinkage=p.sinkage,
             drawbar=Drawbar(p.drawbar_pull, p.drawbar_pull_per_speed, p.drawbar_ramp),
-            grade=p.grade,
+            multipass=p.multipass,
             torque_time_constant=p.torque_time_constant,
             max_power=p.max_power or math.inf,
         )

@@ -18,26 +18,37 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from traction_model.contact import LEAST_TRANSIT_SPEED, Form, contact, equilibrium_sinkage
+from traction_model.contact import (
+    FREE,
+    LEAST_TRANSIT_SPEED,
+    UNTOUCHED,
+    Form,
+    forces_at,
+    sinkage_at,
+)
 from traction_model.kernel import kernel
+from traction_model.rut import Ruts, fresh_ruts, press_rut
 from traction_model.slip import LEAST_SPEED, is_valid, slip
-from traction_model.soil import COHESION, SHEAR_MODULUS, TAN_PHI, Soil, Terrain
-from traction_model.vehicle import (
-    AIR_DENSITY,
+from traction_model.soil import COHESION, DAMPING, SHEAR_MODULUS, TAN_PHI, Soil
+from traction_model.terrain import Terrain, soil_row
+from traction_model.vehicle import AIR_DENSITY, GRAVITY, Vehicle
+from traction_model.wheel import (
     FRICTION,
-    GRAVITY,
     INERTIA,
     POSITION,
     RADIUS,
     STATIC_LOAD,
+    TRACK,
     WIDTH,
-    Vehicle,
 )
 
 Array = NDArray[np.float64]
 
 # How sinkage is found, as the kernels are told.
 SINKAGE_MODES = {'dynamic': 0, 'equilibrium': 1, 'given': 2}
+
+SMOOTHED = 0.05
+"""Over which time given sinkage is differentiated, s."""
 
 # The state: speed, distance, then wheel speed, sinkage and sinkage rate of every wheel.
 SPEED, DISTANCE, FIRST_WHEEL = range(3)
@@ -77,22 +88,24 @@ class Model(NamedTuple):
         A `Form`.
     mode : int
         An entry of `SINKAGE_MODES`.
-    wheels : ndarray, shape (n, 6)
+    wheels : ndarray, shape (n, 7)
         Packed wheels, SI units.
     spread : ndarray, shape (n, 2)
         Load of a wheel, N, per N of total load and per N*m of its moment.
-    soils : ndarray, shape (k, 7)
-        Packed soils, SI units.
+    soils : ndarray, shape (n, k, 11)
+        Packed soils as each wheel meets them, SI units.
     starts : ndarray, shape (k,)
         Where each soil begins, m, the first minus infinity.
+    grades : ndarray, shape (k,)
+        Slope from there on, rad, uphill positive.
     mass, cg_x, cg_height, hitch_height : float
         kg, m, m, m.
     drag : float
         Air drag per square of speed, N*s^2/m^2.
     pull, pull_per_speed, pull_ramp : float
         The drawbar's, N, N*s/m, s.
-    grade : float
-        rad, uphill positive.
+    shear_step : float
+        See `traction_model.contact.one_way`, s.
     """
 
     form: int
@@ -101,6 +114,7 @@ class Model(NamedTuple):
     spread: Array
     soils: Array
     starts: Array
+    grades: Array
     mass: float
     cg_x: float
     cg_height: float
@@ -109,7 +123,7 @@ class Model(NamedTuple):
     pull: float
     pull_per_speed: float
     pull_ramp: float
-    grade: float
+    shear_step: float
 
 
 @kernel
@@ -136,29 +150,7 @@ def drawbar_force(t, v, model):
 
 
 @kernel
-def soil_row(x, starts):
-    """Row of the soil at a place along the path.
-
-    Parameters
-    ----------
-    x : float
-        Place along the path, m.
-    starts : ndarray, shape (k,)
-        Where each soil begins, m, the first minus infinity.
-
-    Returns
-    -------
-    int
-        Index of the soil.
-    """
-    row = 0
-    while row + 1 < starts.size and x >= starts[row + 1]:
-        row += 1
-    return row
-
-
-@kernel
-def derivative(t, y, torque, given, given_rate, model, forces):
+def derivative(t, y, torque, given, model, ruts, forces):
     """Rate of change of the state, and the forces that cause it.
 
     Parameters
@@ -169,15 +161,17 @@ def derivative(t, y, torque, given, given_rate, model, forces):
         Speed m/s, distance m, wheel speeds rad/s, sinkages m, sinkage rates m/s.
     torque : ndarray, shape (n,)
         Drive torque, N*m, forward positive.
-    given : ndarray, shape (n,)
-        Sinkage, m, used in mode 'given' where it is positive.
-    given_rate : ndarray, shape (n,)
-        Its rate, m/s, downward positive.
+    given : ndarray, shape (3, n)
+        Sinkage, m, its rate, m/s, and its acceleration, m/s^2, downward positive; used in mode
+        'given' where the sinkage is positive.
     model : Model
         What does not change, SI units.
-    forces : ndarray, shape (n, 6)
+    ruts : Ruts
+        What wheels have left so far.
+    forces : ndarray, shape (n, 7)
         In: the loads, N, in column 0, as a first guess. Out: load on the wheel W, thrust F,
-        resistance R, moment M, N*m, sinkage z, m, and the soil's upward force N, N.
+        resistance R, moment M, N*m, sinkage z, m, the soil's upward force N, N, and the shear
+        displacement of the soil as it is left, m.
 
     Returns
     -------
@@ -190,8 +184,11 @@ def derivative(t, y, torque, given, given_rate, model, forces):
     dy = np.zeros_like(y)
     pull = drawbar_force(t, v, model)
     drag = model.drag * v * abs(v)
-    # Where sinkage follows from load, load transfer and sinkage are found in turn; the
-    # transfer is a small part of the load, so each turn gains more than a digit.
+    grade = model.grades[soil_row(y[DISTANCE], model.starts)]
+    weight = mass * GRAVITY * math.cos(grade)
+    climb = mass * GRAVITY * math.sin(grade)
+    # Where sinkage follows from load, or load is imposed, load transfer and contact are found
+    # in turn; the transfer is a small part of the load, so each turn gains more than a digit.
     turns = 1 if mode == 0 else 4
     for _ in range(turns):
         net = 0.0
@@ -199,21 +196,27 @@ def derivative(t, y, torque, given, given_rate, model, forces):
         for j in range(n):
             wheel = model.wheels[j]
             omega = y[FIRST_WHEEL + j]
-            soil = model.soils[soil_row(y[DISTANCE] + wheel[POSITION], model.starts)]
+            x = y[DISTANCE] + wheel[POSITION]
+            track = int(wheel[TRACK])
             z_rate = 0.0
+            imposed = FREE
             if mode == 0:
                 z = y[FIRST_WHEEL + n + j]
                 z_rate = y[FIRST_WHEEL + 2 * n + j]
-            elif mode == 2 and given[j] > 0.0:
-                z = given[j]
-                z_rate = given_rate[j]
+            elif mode == 2 and given[0, j] > 0.0:
+                z = given[0, j]
+                z_rate = given[1, j]
+                carried = wheel[STATIC_LOAD] / GRAVITY
+                imposed = max(0.0, forces[j, 0] - carried * given[2, j])
             else:
-                z = equilibrium_sinkage(
-                    form, v, omega, forces[j, 0], soil, wheel[RADIUS], wheel[WIDTH]
-                )
-            load, thrust, resistance, moment = contact(
-                form, v, omega, z, z_rate, soil, wheel[RADIUS], wheel[WIDTH]
-            )
+                z = sinkage_at(
+                    form, v, omega, forces[j, 0], x, model.soils[j], model.starts, wheel[RADIUS],
+                    wheel[WIDTH], track, ruts,
+                )  # fmt: skip
+            load, thrust, resistance, moment, forces[j, 6] = forces_at(
+                form, v, omega, z, z_rate, x, model.soils[j], model.starts, wheel[RADIUS],
+                wheel[WIDTH], track, ruts, imposed, model.shear_step,
+            )  # fmt: skip
             forces[j, 1] = thrust
             forces[j, 2] = resistance
             forces[j, 3] = moment
@@ -223,8 +226,6 @@ def derivative(t, y, torque, given, given_rate, model, forces):
             dy[FIRST_WHEEL + j] = (drive - moment) / wheel[INERTIA]
             net += thrust - resistance
             transfer += drive - wheel[RADIUS] * (thrust - resistance)
-        weight = mass * GRAVITY * math.cos(model.grade)
-        climb = mass * GRAVITY * math.sin(model.grade)
         dy[SPEED] = (net - pull - climb - drag) / mass
         # Moment of the loads about the rear axle's ground contact, nose-up positive.
         turn = model.cg_x * weight - model.hitch_height * pull - transfer
@@ -241,7 +242,7 @@ def derivative(t, y, torque, given, given_rate, model, forces):
 
 
 @kernel
-def rk4(t, dt, y, torque, torque_next, given, given_next, model, forces):
+def rk4(t, dt, y, torque, torque_next, given, given_next, model, ruts, forces):
     """Advance the state by one step of Runge-Kutta 4; inputs vary linearly over the step.
 
     Parameters
@@ -252,11 +253,13 @@ def rk4(t, dt, y, torque, torque_next, given, given_next, model, forces):
         State in SI units, see `derivative`.
     torque, torque_next : ndarray, shape (n,)
         Drive torque at the start and end of the step, N*m.
-    given, given_next : ndarray, shape (n,)
-        Given sinkage at the start and end of the step, m.
+    given, given_next : ndarray, shape (3, n)
+        Given sinkage and its rates at the start and end of the step, SI units.
     model : Model
         What does not change, SI units.
-    forces : ndarray, shape (n, 6)
+    ruts : Ruts
+        What wheels have left so far.
+    forces : ndarray, shape (n, 7)
         See `derivative`; SI units.
 
     Returns
@@ -266,21 +269,21 @@ def rk4(t, dt, y, torque, torque_next, given, given_next, model, forces):
     """
     torque_mid = (torque + torque_next) / 2.0
     given_mid = (given + given_next) / 2.0
-    rate = (given_next - given) / dt
     half = dt / 2.0
-    k1 = derivative(t, y, torque, given, rate, model, forces)
-    k2 = derivative(t + half, y + half * k1, torque_mid, given_mid, rate, model, forces)
-    k3 = derivative(t + half, y + half * k2, torque_mid, given_mid, rate, model, forces)
-    k4 = derivative(t + dt, y + dt * k3, torque_next, given_next, rate, model, forces)
+    k1 = derivative(t, y, torque, given, model, ruts, forces)
+    k2 = derivative(t + half, y + half * k1, torque_mid, given_mid, model, ruts, forces)
+    k3 = derivative(t + half, y + half * k2, torque_mid, given_mid, model, ruts, forces)
+    k4 = derivative(t + dt, y + dt * k3, torque_next, given_next, model, ruts, forces)
     return y + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
 
 
 @kernel
 def steps_for(dt, y, model, forces):
-    """Steps of Runge-Kutta 4 that a time takes: near standstill slip answers very quickly.
+    """Steps of Runge-Kutta 4 that a time takes: near standstill forces answer very quickly.
 
     The fastest rate is that of slip, ``C*(1/m + r^2/J)/(r*omega)`` (see `traction_model.lpv`),
-    with the slip stiffness C at most ``(c*A + N*tan(phi))*l/K``.
+    with the slip stiffness C at most ``(c*A + N*tan(phi))*l/K``; or that of sinkage, which soil
+    resists by its damping D and, in the arc, by the contact that it gains behind the wheel.
 
     Parameters
     ----------
@@ -290,7 +293,7 @@ def steps_for(dt, y, model, forces):
         State in SI units, see `derivative`.
     model : Model
         What does not change, SI units.
-    forces : ndarray, shape (n, 6)
+    forces : ndarray, shape (n, 7)
         Sinkages, m, and upward forces, N, in columns 4 and 5, see `derivative`.
 
     Returns
@@ -298,12 +301,13 @@ def steps_for(dt, y, model, forces):
     int
         Number of steps, at least 1.
     """
+    n = model.wheels.shape[0]
     v = y[SPEED]
     shared = 0.0
     fastest = 0.0
-    for j in range(model.wheels.shape[0]):
+    for j in range(n):
         wheel = model.wheels[j]
-        soil = model.soils[soil_row(y[DISTANCE] + wheel[POSITION], model.starts)]
+        soil = model.soils[j, soil_row(y[DISTANCE] + wheel[POSITION], model.starts)]
         radius = wheel[RADIUS]
         length = math.sqrt(2.0 * radius * min(max(forces[j, 4], 0.0), radius))
         strength = soil[COHESION] * wheel[WIDTH] * length + forces[j, 5] * soil[TAN_PHI]
@@ -311,13 +315,19 @@ def steps_for(dt, y, model, forces):
         stiffness = strength * length / soil[SHEAR_MODULUS] / speed
         shared += stiffness / model.mass
         fastest = max(fastest, stiffness * radius * radius / wheel[INERTIA])
+        if model.mode == 0:
+            damping = soil[DAMPING] * wheel[WIDTH] * length
+            if model.form == 2 and length > 0.0:
+                transit = max(abs(v), LEAST_TRANSIT_SPEED)
+                damping += forces[j, 5] / (transit * length / radius)
+            fastest = max(fastest, damping * GRAVITY / wheel[STATIC_LOAD])
     # Stable up to 2.8; C is mostly half of its bound.
     return max(1, math.ceil(dt * (fastest + shared) / 2.5))
 
 
 @kernel
-def advance(t, dt, y, torque, torque_next, given, given_next, model, forces):
-    """Advance the state over a time, in as many steps as it takes.
+def advance(t, dt, y, torque, torque_next, given, given_next, model, ruts, forces):
+    """Advance the state over a time, in as many steps as it takes, and leave ruts.
 
     Parameters
     ----------
@@ -327,11 +337,13 @@ def advance(t, dt, y, torque, torque_next, given, given_next, model, forces):
         State in SI units, see `derivative`.
     torque, torque_next : ndarray, shape (n,)
         Drive torque at the start and end, N*m; linear in between.
-    given, given_next : ndarray, shape (n,)
-        Given sinkage at the start and end, m; linear in between.
+    given, given_next : ndarray, shape (3, n)
+        Given sinkage and its rates at the start and end, SI units; linear in between.
     model : Model
         What does not change, SI units.
-    forces : ndarray, shape (n, 6)
+    ruts : Ruts
+        What wheels have left so far; changed in place.
+    forces : ndarray, shape (n, 7)
         See `derivative`; SI units.
 
     Returns
@@ -343,31 +355,38 @@ def advance(t, dt, y, torque, torque_next, given, given_next, model, forces):
     torque_step = (torque_next - torque) / steps
     given_step = (given_next - given) / steps
     for k in range(steps):
+        x = y[DISTANCE]
         y = rk4(
             t + k * dt / steps, dt / steps, y,
             torque + k * torque_step, torque + (k + 1) * torque_step,
-            given + k * given_step, given + (k + 1) * given_step, model, forces,
+            given + k * given_step, given + (k + 1) * given_step, model, ruts, forces,
         )  # fmt: skip
+        for j in range(model.wheels.shape[0]):
+            wheel = model.wheels[j]
+            press_rut(
+                x + wheel[POSITION], y[DISTANCE] + wheel[POSITION], forces[j, 4], forces[j, 6],
+                wheel[WIDTH], int(wheel[TRACK]), ruts,
+            )  # fmt: skip
     return y
 
 
 @kernel
-def _integrate(t0, dt, y, torque, given, model):
+def _integrate(t0, dt, y, torque, given, model, ruts):
     steps = torque.shape[0] - 1
     n = model.wheels.shape[0]
     states = np.empty((steps + 1, y.size))
-    logged = np.empty((steps + 1, n, 6))
-    forces = np.zeros((n, 6))
+    logged = np.empty((steps + 1, n, 7))
+    forces = np.zeros((n, 7))
     forces[:, 0] = model.wheels[:, STATIC_LOAD]
     states[0] = y
-    rate = (given[1] - given[0]) / dt
-    derivative(t0, y, torque[0], given[0], rate, model, forces)
+    derivative(t0, y, torque[0], given[0], model, ruts, forces)
     logged[0] = forces
     for k in range(steps):
         t = t0 + k * dt
-        y = advance(t, dt, y, torque[k], torque[k + 1], given[k], given[k + 1], model, forces)
-        rate = (given[k + 1] - given[k]) / dt
-        derivative(t + dt, y, torque[k + 1], given[k + 1], rate, model, forces)
+        y = advance(
+            t, dt, y, torque[k], torque[k + 1], given[k], given[k + 1], model, ruts, forces
+        )
+        derivative(t + dt, y, torque[k + 1], given[k + 1], model, ruts, forces)
         states[k + 1] = y
         logged[k + 1] = forces
     return states, logged
@@ -428,8 +447,8 @@ class Plant:
         Sinkage as a state, or from vertical equilibrium at every instant.
     drawbar : Drawbar
         Draft of the implement, N.
-    grade : float
-        Slope of the path, rad, uphill positive, within +-pi/4.
+    multipass : bool
+        Whether wheels meet the ruts of those before them, or fresh soil.
     torque_time_constant : float
         First-order lag between commanded and shaft torque, s, at least 0.
     max_power : float
@@ -452,7 +471,7 @@ class Plant:
         form: Form = Form.CONTACT,
         sinkage: Literal['dynamic', 'equilibrium'] = 'dynamic',
         drawbar: Drawbar = Drawbar(),
-        grade: float = 0.0,
+        multipass: bool = True,
         torque_time_constant: float = 0.0,
         max_power: float = math.inf,
         step_size: float = 1e-3,
@@ -473,14 +492,17 @@ class Plant:
         self.step_size = step_size
         self._radii = np.array([wheel.radius for wheel in vehicle.wheels])
         self._terrain = _terrain(terrain)
-        self._model = _model(vehicle, terrain, form, sinkage, drawbar, grade)
+        self._model = _model(vehicle, terrain, form, sinkage, drawbar, multipass)
+        self._ruts = _fresh_ruts(vehicle)
         self.t = 0.0
         self.state = initial_state(vehicle, terrain, form)
         self.shaft_torque = np.zeros(self.n_wheels)
-        self.forces = np.zeros((self.n_wheels, 6))
+        self.forces = np.zeros((self.n_wheels, 7))
         self.forces[:, 0] = vehicle.static_loads()
-        none = np.zeros(self.n_wheels)
-        derivative(0.0, self.state, none, none, none, self._model, self.forces)
+        self._not_given = np.zeros((3, self.n_wheels))
+        derivative(
+            0.0, self.state, self.shaft_torque, self._not_given, self._model, self._ruts, self.forces
+        )
 
     @property
     def n_wheels(self) -> int:
@@ -543,7 +565,8 @@ class Plant:
     @property
     def motion_resistance(self) -> float:
         """All that holds the vehicle back, N: soil, drawbar, grade and air."""
-        climb = self._model.mass * GRAVITY * math.sin(self._model.grade)
+        grade = self._model.grades[soil_row(self.x, self._model.starts)]
+        climb = self._model.mass * GRAVITY * math.sin(grade)
         drag = self._model.drag * self.v * abs(self.v)
         pull = drawbar_force(self.t, self.v, self._model)
         return float(self.forces[:, 2].sum() + pull + climb + drag)
@@ -572,7 +595,7 @@ class Plant:
         steps = max(1, math.ceil(duration / self.step_size - 1e-9))
         dt = duration / steps
         keep = math.exp(-dt / self.torque_time_constant) if self.torque_time_constant else 0.0
-        none = np.zeros(self.n_wheels)
+        none = self._not_given
         for _ in range(steps):
             power = float(np.maximum(command * self.omega, 0.0).sum())
             allowed = command * min(1.0, self.max_power / power) if power else command
@@ -580,7 +603,7 @@ class Plant:
             self.shaft_torque = allowed + (before - allowed) * keep
             self.state = advance(
                 self.t, dt, self.state, before, self.shaft_torque, none, none,
-                self._model, self.forces,
+                self._model, self._ruts, self.forces,
             )  # fmt: skip
             self.t += dt
 
@@ -605,11 +628,13 @@ def initial_state(vehicle: Vehicle, terrain: Terrain | Soil, form: Form = Form.C
     terrain = _terrain(terrain)
     n = len(vehicle.wheels)
     state = np.zeros(FIRST_WHEEL + 3 * n)
-    for j, wheel in enumerate(vehicle.packed_wheels()):
-        soil = terrain.packed[soil_row(wheel[POSITION], terrain.starts)]
-        state[FIRST_WHEEL + n + j] = equilibrium_sinkage(
-            int(form), 0.0, 0.0, wheel[STATIC_LOAD], soil, wheel[RADIUS], wheel[WIDTH]
-        )
+    for j, (wheel, x, load) in enumerate(
+        zip(vehicle.wheels, vehicle.wheel_positions, vehicle.static_loads(), strict=True)
+    ):
+        state[FIRST_WHEEL + n + j] = sinkage_at(
+            int(form), 0.0, 0.0, load, x, terrain.packed(wheel), terrain.starts, wheel.radius,
+            wheel.width, -1, UNTOUCHED,
+        )  # fmt: skip
     return state
 
 
@@ -622,10 +647,14 @@ def simulate(
     form: Form = Form.CONTACT,
     sinkage: Literal['dynamic', 'equilibrium'] | ArrayLike = 'dynamic',
     drawbar: Drawbar = Drawbar(),
-    grade: float = 0.0,
+    multipass: bool = True,
+    shear_step: float = 0.0,
     t0: float = 0.0,
+    x0: float = 0.0,
     v0: float = 0.0,
     omega0: ArrayLike | None = None,
+    sinkage0: ArrayLike | None = None,
+    sinkage_rate0: ArrayLike | None = None,
 ) -> Trajectory:
     """Simulate a vehicle under recorded torque.
 
@@ -643,17 +672,28 @@ def simulate(
         Form of the contact model.
     sinkage : {'dynamic', 'equilibrium'} or array_like, shape (k, n)
         Sinkage as a state, from vertical equilibrium, or given, m (from equilibrium where
-        it is not positive).
+        it is not positive). With given sinkage the soil carries the vehicle's weight, as it is
+        spread over the wheels, less what the acceleration of sinkage takes of it.
     drawbar : Drawbar
         Draft, N.
-    grade : float
-        Slope of the path, rad, uphill positive, within +-pi/4.
+    multipass : bool
+        Whether wheels meet the ruts of those before them, or fresh soil.
+    shear_step : float
+        Time of shearing, s, at least 0, that soil has behind it as soon as it is touched: 0
+        but where a simulation that takes steps is to be reproduced, as it counts shear by
+        whole steps.
     t0 : float
         Time of the first sample, s.
+    x0 : float
+        Place of the rear axle at `t0`, m along the path.
     v0 : float
         Speed at `t0`, m/s.
     omega0 : array_like, shape (n,), optional
         Wheel speeds at `t0`, rad/s; rolling without slip when not given.
+    sinkage0 : array_like, shape (n,), optional
+        Sinkages at `t0`, m, where sinkage is a state; those at rest when not given.
+    sinkage_rate0 : array_like, shape (n,), optional
+        Their rates, m/s, downward positive; 0 when not given.
 
     Returns
     -------
@@ -670,23 +710,34 @@ def simulate(
     if not 0 < dt <= 0.02:
         raise ValueError(f'dt must be above 0 and at most 0.02 s, got {dt}')
     if isinstance(sinkage, str):
-        mode, given = sinkage, np.zeros_like(torque)
+        mode, given = sinkage, np.zeros((len(torque), 3, n))
     else:
-        mode, given = 'given', _series('sinkage', sinkage, n)
-        if len(given) != len(torque):
-            raise ValueError(f'sinkage has {len(given)} samples, torque has {len(torque)}')
-    model = _model(vehicle, terrain, form, mode, drawbar, grade)
+        mode, depth = 'given', _series('sinkage', sinkage, n)
+        if len(depth) != len(torque):
+            raise ValueError(f'sinkage has {len(depth)} samples, torque has {len(torque)}')
+        given = _with_rates(depth, dt)
+    if not (math.isfinite(shear_step) and shear_step >= 0):
+        raise ValueError(f'shear_step must be at least 0 s, got {shear_step}')
+    model = _model(vehicle, terrain, form, mode, drawbar, multipass, shear_step)
 
     radii = np.array([wheel.radius for wheel in vehicle.wheels])
-    rolling = v0 / radii if omega0 is None else np.asarray(omega0, dtype=float)
-    if rolling.shape != (n,):
-        raise ValueError(f'omega0 must have shape ({n},), got {rolling.shape}')
     start = initial_state(vehicle, terrain, form)
-    start[SPEED] = v0
-    start[FIRST_WHEEL : FIRST_WHEEL + n] = rolling
+    start[SPEED], start[DISTANCE] = v0, x0
+    # Rolling without slip, where nothing else is said.
+    start[FIRST_WHEEL : FIRST_WHEEL + n] = v0 / radii
+    for k, (name, values) in enumerate(
+        (('omega0', omega0), ('sinkage0', sinkage0), ('sinkage_rate0', sinkage_rate0))
+    ):
+        if values is not None:
+            if np.shape(values) != (n,):
+                raise ValueError(f'{name} must have shape ({n},), got {np.shape(values)}')
+            start[FIRST_WHEEL + k * n : FIRST_WHEEL + (k + 1) * n] = values
     if not np.all(np.isfinite(start)):
-        raise ValueError(f'v0 and omega0 must be finite, got {v0} m/s and {omega0!r} rad/s')
-    states, forces = _integrate(t0, dt, start, torque, given, model)
+        raise ValueError(
+            f'x0, v0, omega0, sinkage0 and sinkage_rate0 must be finite, got {x0} m, {v0} m/s, '
+            f'{omega0!r} rad/s, {sinkage0!r} m and {sinkage_rate0!r} m/s'
+        )
+    states, forces = _integrate(t0, dt, start, torque, given, model, _fresh_ruts(vehicle))
 
     v = states[:, SPEED]
     omega = states[:, FIRST_WHEEL : FIRST_WHEEL + n]
@@ -715,22 +766,22 @@ def _model(
     form: Form,
     sinkage: str,
     drawbar: Drawbar,
-    grade: float,
+    multipass: bool,
+    shear_step: float = 0.0,
 ) -> Model:
     """Pack everything that stays constant over a run."""
     if sinkage not in SINKAGE_MODES:
         raise ValueError(f"sinkage must be 'dynamic', 'equilibrium' or samples, got {sinkage!r}")
-    if not abs(grade) <= math.pi / 4:
-        raise ValueError(f'grade must be within +-pi/4 rad, got {grade}')
     terrain = _terrain(terrain)
     cg_x, cg_height = vehicle.centre_of_gravity
     return Model(
         form=int(form),
         mode=SINKAGE_MODES[sinkage],
-        wheels=vehicle.packed_wheels(),
+        wheels=vehicle.packed_wheels(multipass),
         spread=np.ascontiguousarray(vehicle.load_distribution()),
-        soils=terrain.packed,
+        soils=np.array([terrain.packed(wheel) for wheel in vehicle.wheels]),
         starts=terrain.starts,
+        grades=terrain.grades,
         mass=float(vehicle.mass),
         cg_x=float(cg_x),
         cg_height=float(cg_height),
@@ -739,8 +790,27 @@ def _model(
         pull=float(drawbar.pull),
         pull_per_speed=float(drawbar.pull_per_speed),
         pull_ramp=float(drawbar.ramp),
-        grade=float(grade),
+        shear_step=float(shear_step),
     )
+
+
+def _fresh_ruts(vehicle: Vehicle) -> Ruts:
+    positions = vehicle.wheel_positions
+    return fresh_ruts(max(vehicle.tracks) + 1, float(np.ptp(positions)))
+
+
+def _with_rates(depth: Array, dt: float) -> Array:
+    """Sinkage, its rate and its acceleration, each smoothed over SMOOTHED seconds."""
+    # Here, as it takes longer to import than all the rest of the package.
+    from scipy.signal import savgol_filter
+
+    window = max(5, 2 * round(SMOOTHED / dt / 2) + 1)
+    if len(depth) < window:
+        raise ValueError(f'sinkage needs at least {window} samples, got {len(depth)}')
+    rates = [
+        savgol_filter(depth, window, 2, deriv=order, delta=dt, axis=0) for order in (1, 2)
+    ]
+    return np.ascontiguousarray(np.stack([depth, *rates], axis=1))
 
 
 def _series(name: str, values: ArrayLike, n: int) -> Array:

@@ -1,72 +1,166 @@
-"""Soil: pressure-sinkage and shear parameters, presets, and soils along a path."""
+"""Soil: pressure-sinkage and shear laws and their parameters, and presets.
+
+Sources: M. G. Bekker, Introduction to Terrain-Vehicle Systems, 1969; A. R. Reece, Principles of
+soil-vehicle mechanics, 1965; J. Y. Wong, Terramechanics and Off-Road Vehicle Engineering, 2009
+(for Bernstein's, Janosi and Hanamoto's, and Wong and Preston-Thomas's laws); V. V. Kacigin and
+V. V. Guskov, The basis of tractor performance theory, J. Terramechanics 5(3), 1968.
+"""
 
 import math
-from collections.abc import Sequence
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from traction_model.definition import Definition, DefinitionError, build, closest, read_yaml
+from traction_model.wheel import Wheel
 
 # Columns of a packed soil, as the kernels index them.
-K_C, K_PHI, N_EXP, COHESION, TAN_PHI, SHEAR_MODULUS, DAMPING, SOIL_COLUMNS = range(8)
+MODULUS, N_EXP, COHESION, TAN_PHI, SHEAR_MODULUS, DAMPING = range(6)
+ELASTIC_MODULUS, SHEAR_LAW, RESIDUAL, HUMP, SHEAR_MEMORY, SOIL_COLUMNS = range(6, 12)
+
+PressureLaw = Literal['bekker', 'bernstein', 'reece']
+ShearLaw = Literal['janosi_hanamoto', 'wong_preston_thomas', 'kacigin_guskov']
+# As the kernels are told.
+SHEAR_LAWS = {'janosi_hanamoto': 0, 'wong_preston_thomas': 1, 'kacigin_guskov': 2}
 
 
 class Soil(Definition):
-    """Bekker pressure-sinkage, Mohr-Coulomb strength and Janosi-Hanamoto shear of one soil.
+    """Pressure-sinkage, Mohr-Coulomb strength and shear-displacement law of one soil.
 
-    Pressure under a plate of width b at sinkage z is ``(k_c/b + k_phi)*z**n``; shear stress at
-    shear displacement j is ``(c + sigma*tan(phi))*(1 - exp(-j/K))`` (Agriculture 2024, 14(3),
-    499, equations (17) to (21)).
+    Pressure under a plate of width b at sinkage z is ``k*z**n``, with k by Bekker
+    ``k_c/b + k_phi``, by Reece ``(c*k_c' + gamma*b*k_phi')/b**n``, and by Bernstein a constant
+    with ``n = 0.5``. Shear stress at shear displacement j is ``(c + sigma*tan(phi))*g(j)``
+    (Agriculture 2024, 14(3), 499, equations (17) to (21)), with g by `shear_law`:
+
+    - ``janosi_hanamoto``: ``1 - exp(-j/K)``, strength is reached and kept;
+    - ``wong_preston_thomas``: a hump of 1 at ``j = K``, then down to `residual_ratio`;
+    - ``kacigin_guskov``: ``tanh(j/K)*(1 + f/cosh(j/K))`` over its greatest value, with f such
+      that it falls to `residual_ratio`: organic terrain.
 
     Attributes
     ----------
+    pressure_law : {'bekker', 'bernstein', 'reece'}
+        Pressure-sinkage law.
     cohesive_modulus : float
-        k_c, N/m^(n+1), at least 0.
+        k_c, N/m^(n+1), at least 0; Reece's k_c', dimensionless.
     frictional_modulus : float
-        k_phi, N/m^(n+2), above 0.
+        k_phi, N/m^(n+2), above 0; Bernstein's k, N/m^2.5; Reece's k_phi', dimensionless.
     sinkage_exponent : float
-        n, dimensionless, above 0 and at most 3.
+        n, dimensionless, above 0 and at most 3; 0.5 by Bernstein.
+    unit_weight : float, optional
+        gamma, N/m^3, above 0: by Reece only.
     cohesion : float
         c, Pa, at least 0.
     friction_angle : float
         phi, rad, at least 0 and below pi/2.
+    shear_law : {'janosi_hanamoto', 'wong_preston_thomas', 'kacigin_guskov'}
+        Shear stress over shear displacement.
     shear_deformation_modulus : float
         K, m, above 0.
+    residual_ratio : float, optional
+        Residual over greatest shear stress, dimensionless, within (0, 1): for the laws
+        with a hump.
     damping : float
         D, Pa*s/m, at least 0: normal stress per speed at which soil is pressed down.
+    elastic_modulus : float, optional
+        Pa/m, above 0: slope of unloading and reloading; soil without one does not spring back.
+    shear_memory : float
+        Share of its shear displacement that soil keeps for the next wheel in the same rut,
+        0 to 1.
     """
 
-    cohesive_modulus: float = Field(ge=0)
+    pressure_law: PressureLaw = 'bekker'
+    cohesive_modulus: float = Field(default=0.0, ge=0)
     frictional_modulus: float = Field(gt=0)
-    sinkage_exponent: float = Field(gt=0, le=3)
+    sinkage_exponent: float = Field(default=0.5, gt=0, le=3)
+    unit_weight: float | None = Field(default=None, gt=0)
     cohesion: float = Field(ge=0)
     friction_angle: float = Field(ge=0, lt=math.pi / 2)
+    shear_law: ShearLaw = 'janosi_hanamoto'
     shear_deformation_modulus: float = Field(gt=0)
+    residual_ratio: float | None = Field(default=None, gt=0, lt=1)
     damping: float = Field(default=3e4, ge=0)
+    elastic_modulus: float | None = Field(default=None, gt=0)
+    shear_memory: float = Field(default=1.0, ge=0, le=1)
 
-    def packed(self) -> NDArray[np.float64]:
-        """Pack the soil for the kernels.
+    @model_validator(mode='after')
+    def _parameters_of_the_laws(self) -> 'Soil':
+        given = self.model_fields_set
+        if self.pressure_law == 'bernstein':
+            if self.cohesive_modulus != 0 or self.sinkage_exponent != 0.5:
+                raise ValueError(
+                    'bernstein takes frictional_modulus only: cohesive_modulus is 0 and '
+                    'sinkage_exponent 0.5'
+                )
+        else:
+            for name in ('cohesive_modulus', 'sinkage_exponent'):
+                if name not in given:
+                    raise ValueError(f'{name} is missing: {self.pressure_law} needs it')
+        if (self.pressure_law == 'reece') != (self.unit_weight is not None):
+            raise ValueError('unit_weight goes with the pressure_law reece, and only with it')
+        if (self.shear_law == 'janosi_hanamoto') != (self.residual_ratio is None):
+            raise ValueError(
+                'residual_ratio goes with the shear_law wong_preston_thomas or kacigin_guskov, '
+                'and only with them'
+            )
+        return self
+
+    def sinkage_modulus(self, width: float) -> float:
+        """Pressure over ``z**n`` under a plate.
+
+        Parameters
+        ----------
+        width : float
+            b, m, above 0: the plate's smaller dimension.
 
         Returns
         -------
-        ndarray, shape (7,)
-            k_c, k_phi, n, c, tan(phi), K, D in SI units.
+        float
+            k, N/m^(n+2).
         """
+        if self.unit_weight is None:
+            return self.cohesive_modulus / width + self.frictional_modulus
+        strength = self.cohesion * self.cohesive_modulus
+        strength += self.unit_weight * width * self.frictional_modulus
+        return float(strength / width**self.sinkage_exponent)
+
+    def packed(self, wheel: Wheel) -> NDArray[np.float64]:
+        """Pack the soil as a wheel meets it, for the kernels.
+
+        Grousers add to its strength; see `traction_model.wheel.Wheel`.
+
+        Parameters
+        ----------
+        wheel : Wheel
+            Whose width the pressure acts on; SI units.
+
+        Returns
+        -------
+        ndarray, shape (11,)
+            k, n, c, tan(phi), K, D, elastic modulus (infinite where there is none), the shear
+            law's number, its residual ratio, its hump, shear memory; SI units.
+        """
+        on_cohesion, on_friction = wheel.grip
+        law = SHEAR_LAWS[self.shear_law]
+        residual = self.residual_ratio or 1.0
         return np.array(
             [
-                self.cohesive_modulus,
-                self.frictional_modulus,
+                self.sinkage_modulus(wheel.width),
                 self.sinkage_exponent,
-                self.cohesion,
-                math.tan(self.friction_angle),
+                self.cohesion * on_cohesion,
+                math.tan(self.friction_angle) * on_friction,
                 self.shear_deformation_modulus,
                 self.damping,
+                math.inf if self.elastic_modulus is None else self.elastic_modulus,
+                law,
+                residual,
+                (0.0, _wong_hump(residual), _guskov_hump(residual))[law],
+                self.shear_memory,
             ]
         )
 
@@ -84,6 +178,27 @@ class Soil(Definition):
             tau_max, Pa.
         """
         return self.cohesion + pressure * math.tan(self.friction_angle)
+
+
+def _wong_hump(residual: float) -> float:
+    """Factor that makes Wong and Preston-Thomas's curve 1 at ``j = K``."""
+    return 1 / (residual * (1 - 1 / math.e)) - 1
+
+
+def _guskov_hump(residual: float) -> float:
+    """Factor f of Kacigin and Guskov's curve with a given residual over greatest stress.
+
+    With ``s = 1/cosh(u)`` the curve ``tanh(u)*(1 + f*s)`` is greatest where
+    ``f = s/(1 - 2*s^2)``, and is ``(1 - s^2)^1.5/(1 - 2*s^2)`` there, which grows with s.
+    """
+    low, high = 0.0, math.sqrt(0.5)
+    for _ in range(60):
+        s = (low + high) / 2
+        if (1 - s * s) ** 1.5 * residual < 1 - 2 * s * s:
+            low = s
+        else:
+            high = s
+    return low / (1 - 2 * low * low)
 
 
 def _soil_from_yaml(content: Any, where: str) -> Soil:
@@ -172,32 +287,3 @@ def load_soil(name: str) -> Soil:
     if own not in soils:
         raise DefinitionError(f"unknown soil '{own}'{closest(own, soils)}")
     return soils[own]
-
-
-class Terrain:
-    """Soils along the path of a vehicle.
-
-    Parameters
-    ----------
-    soils : Soil or sequence of Soil
-        The soils in the order in which they are met.
-    starts : sequence of float
-        Where each soil but the first begins, m along the path from where the rear axle
-        starts, strictly increasing.
-
-    Raises
-    ------
-    ValueError
-        If the numbers of soils and starts do not fit, or starts do not increase.
-    """
-
-    def __init__(self, soils: Soil | Sequence[Soil], starts: Sequence[float] = ()) -> None:
-        self.soils = (soils,) if isinstance(soils, Soil) else tuple(soils)
-        if len(self.soils) != len(starts) + 1:
-            raise ValueError(
-                f'{len(self.soils)} soils need {len(self.soils) - 1} starts, got {len(starts)}'
-            )
-        self.starts = np.array([-np.inf, *starts])
-        if not np.all(np.isfinite(self.starts[1:])) or np.any(np.diff(self.starts) <= 0):
-            raise ValueError(f'starts of soils must be finite and increase, got {list(starts)} m')
-        self.packed = np.array([soil.packed() for soil in self.soils])

@@ -16,9 +16,6 @@ GRAVITY = 9.81
 AIR_DENSITY = 1.2
 """Density of air, kg/m^3."""
 
-# Columns of a packed wheel, as the kernels index them.
-RADIUS, WIDTH, INERTIA, FRICTION, POSITION, STATIC_LOAD, WHEEL_COLUMNS = range(7)
-
 
 class Axle(Definition):
     """Like wheels side by side.
@@ -138,19 +135,36 @@ class Vehicle(Definition):
             return np.column_stack([np.full(len(x), 1 / len(x)), np.zeros(len(x))])
         return np.linalg.pinv(np.vstack([np.ones_like(x), x]))
 
-    def packed_wheels(self) -> NDArray[np.float64]:
+    @property
+    def tracks(self) -> list[int]:
+        """Which rut every wheel runs in, n numbers from 0.
+
+        Wheels run one behind the other where all axles have equally many, else each by itself.
+        """
+        counts = {len(axle.wheel_names) for axle in self.axles}
+        if len(counts) > 1:
+            return list(range(len(self.wheels)))
+        return [place for axle in self.axles for place in range(len(axle.wheel_names))]
+
+    def packed_wheels(self, in_ruts: bool = True) -> NDArray[np.float64]:
         """Pack the wheels for the kernels.
+
+        Parameters
+        ----------
+        in_ruts : bool
+            Whether wheels meet the ruts of those before them, or fresh soil.
 
         Returns
         -------
-        ndarray, shape (n, 6)
-            r, b, J, b_f, x, static load of each wheel in SI units.
+        ndarray, shape (n, 7)
+            The wheels in SI units, see `Wheel.packed`.
         """
+        tracks = self.tracks if in_ruts else [-1] * len(self.wheels)
         return np.array(
             [
-                [wheel.radius, wheel.width, wheel.inertia, wheel.viscous_friction, x, load]
-                for wheel, x, load in zip(
-                    self.wheels, self.wheel_positions, self.static_loads(), strict=True
+                wheel.packed(x, load, track)
+                for wheel, x, load, track in zip(
+                    self.wheels, self.wheel_positions, self.static_loads(), tracks, strict=True
                 )
             ]
         )

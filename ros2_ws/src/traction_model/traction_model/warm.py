@@ -2,7 +2,8 @@
 
 from traction_model.contact import Form
 from traction_model.simulate import Plant, simulate
-from traction_model.soil import Terrain, load_soil
+from traction_model.soil import load_soil
+from traction_model.terrain import Terrain
 from traction_model.vehicle import load_vehicle
 
 

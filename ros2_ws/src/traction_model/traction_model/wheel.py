@@ -1,12 +1,23 @@
 """Wheel: size, inertia and friction of one wheel."""
 
+import math
+
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from traction_model.definition import Definition
 
+# Columns of a packed wheel, as the kernels index them.
+RADIUS, WIDTH, INERTIA, FRICTION, POSITION, STATIC_LOAD, TRACK, WHEEL_COLUMNS = range(8)
+
 
 class Wheel(Definition):
     """A rigid driven wheel.
+
+    Grousers shear soil along the sides of the block they cut out as well as under it. After
+    Bekker (Introduction to Terrain-Vehicle Systems, 1969) cohesion then counts
+    ``1 + 2*h/b`` times and ``tan(phi)`` counts ``1 + 0.64*(h/b)*atan(b/h)`` times.
 
     Attributes
     ----------
@@ -20,6 +31,8 @@ class Wheel(Definition):
         b_f, N*m*s/rad, at least 0: friction torque of the drive per wheel speed.
     mass : float
         kg, at least 0: carried by the soil but not part of the chassis.
+    grouser_height : float
+        h, m, at least 0: of the lugs beyond `radius`.
     """
 
     radius: float = Field(gt=0)
@@ -27,3 +40,38 @@ class Wheel(Definition):
     inertia: float = Field(gt=0)
     viscous_friction: float = Field(default=0.0, ge=0)
     mass: float = Field(default=0.0, ge=0)
+    grouser_height: float = Field(default=0.0, ge=0)
+
+    @property
+    def grip(self) -> tuple[float, float]:
+        """Factors of the grousers on cohesion and on ``tan(phi)``, dimensionless, at least 1."""
+        share = self.grouser_height / self.width
+        if share == 0.0:
+            return 1.0, 1.0
+        return 1 + 2 * share, 1 + 0.64 * share * math.atan(1 / share)
+
+    def packed(
+        self, position: float = 0.0, static_load: float = 0.0, track: int = -1
+    ) -> NDArray[np.float64]:
+        """Pack the wheel for the kernels.
+
+        Parameters
+        ----------
+        position : float
+            m ahead of the rear axle.
+        static_load : float
+            Upward force of the soil at rest, N.
+        track : int
+            Which rut it runs in, -1 for none.
+
+        Returns
+        -------
+        ndarray, shape (7,)
+            r, b, J, b_f, position, static load, track in SI units.
+        """
+        return np.array(
+            [
+                self.radius, self.width, self.inertia, self.viscous_friction,
+                position, static_load, track,
+            ]
+        )  # fmt: skip

@@ -1,0 +1,138 @@
+"""Ruts: what wheels leave in the soil for the wheels that come after them.
+
+Each track is a row of cells along the path. A cell keeps how deep the soil was pressed, the
+shear displacement it has seen, and how wide the rut is. A ring of cells follows the vehicle:
+soil that no wheel has touched, or that was left behind long ago, counts as fresh.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from traction_model.kernel import kernel
+
+CELL = 0.02
+"""Length of a cell, m."""
+
+BEHIND = 4.0
+"""How far behind its last wheel a vehicle's ruts are kept, m."""
+
+
+class Ruts(NamedTuple):
+    """Ruts of a vehicle; m tracks of k cells.
+
+    Attributes
+    ----------
+    depth : ndarray, shape (m, k)
+        m below the undisturbed ground; 0 where fresh.
+    shear : ndarray, shape (m, k)
+        Shear displacement, m.
+    width : ndarray, shape (m, k)
+        m.
+    newest : ndarray, shape (m,)
+        Number of the foremost cell that a wheel has reached, counted from the start.
+    """
+
+    depth: NDArray[np.float64]
+    shear: NDArray[np.float64]
+    width: NDArray[np.float64]
+    newest: NDArray[np.int64]
+
+
+def fresh_ruts(tracks: int, length: float) -> Ruts:
+    """Return ruts that no wheel has made yet.
+
+    Parameters
+    ----------
+    tracks : int
+        Number of tracks.
+    length : float
+        From the last to the first axle, m.
+
+    Returns
+    -------
+    Ruts
+        Empty ruts.
+    """
+    cells = math.ceil((length + BEHIND) / CELL) if tracks else 1
+    return Ruts(
+        np.zeros((tracks, cells)),
+        np.zeros((tracks, cells)),
+        np.zeros((tracks, cells)),
+        np.full(tracks, np.iinfo(np.int64).min // 2),
+    )
+
+
+@kernel
+def rut_at(x, track, ruts):
+    """What wheels have left at a place, linear between cells.
+
+    Parameters
+    ----------
+    x : float
+        Place along the path, m.
+    track : int
+        Which track, -1 for none.
+    ruts : Ruts
+        The ruts.
+
+    Returns
+    -------
+    depth, shear, width : float
+        m, m, m; all 0 where the soil is fresh.
+    """
+    if track < 0:
+        return 0.0, 0.0, 0.0
+    cells = ruts.depth.shape[1]
+    place = x / CELL
+    first = math.floor(place)
+    depth = 0.0
+    shear = 0.0
+    width = 0.0
+    for cell in (first, first + 1):
+        if ruts.newest[track] - cells < cell <= ruts.newest[track]:
+            share = 1.0 - abs(place - cell)
+            row = cell % cells
+            depth += share * ruts.depth[track, row]
+            shear += share * ruts.shear[track, row]
+            width = max(width, ruts.width[track, row])
+    return depth, shear, width
+
+
+@kernel
+def press_rut(x_from, x_to, depth, shear, width, track, ruts):
+    """Leave a rut along the way of a wheel.
+
+    Parameters
+    ----------
+    x_from, x_to : float
+        Where the wheel's bottom was and is, m along the path.
+    depth : float
+        Sinkage, m.
+    shear : float
+        Shear displacement of the soil as the wheel leaves it, m.
+    width : float
+        Of the wheel, m.
+    track : int
+        Which track, -1 for none.
+    ruts : Ruts
+        The ruts, changed in place.
+    """
+    if track < 0:
+        return
+    cells = ruts.depth.shape[1]
+    first = math.floor(min(x_from, x_to) / CELL)
+    last = math.floor(max(x_from, x_to) / CELL)
+    if last > ruts.newest[track]:
+        for cell in range(max(ruts.newest[track] + 1, last - cells + 1), last + 1):
+            ruts.depth[track, cell % cells] = 0.0
+            ruts.shear[track, cell % cells] = 0.0
+            ruts.width[track, cell % cells] = 0.0
+        ruts.newest[track] = last
+    for cell in range(max(first, ruts.newest[track] - cells + 1), last + 1):
+        row = cell % cells
+        ruts.depth[track, row] = max(ruts.depth[track, row], depth)
+        ruts.shear[track, row] = max(ruts.shear[track, row], shear)
+        ruts.width[track, row] = max(ruts.width[track, row], width)

@@ -1,0 +1,192 @@
+"""Terrain: soils and slopes along the path of a vehicle, from code, YAML or CSV."""
+
+import csv
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+from pydantic import Field
+
+from traction_model.definition import Definition, DefinitionError, build
+from traction_model.kernel import kernel
+from traction_model.soil import Soil, load_soil
+from traction_model.wheel import Wheel
+
+STEEPEST = math.pi / 4
+"""Steepest grade, rad."""
+
+
+class Terrain:
+    """Soils and slopes along the path of a vehicle.
+
+    Parameters
+    ----------
+    soils : Soil or sequence of Soil
+        The soils in the order in which they are met.
+    starts : sequence of float
+        Where each soil but the first begins, m along the path from where the rear axle
+        starts, strictly increasing.
+    grades : float or sequence of float
+        Slope of the path, rad, uphill positive, within +-pi/4: of the whole path, or from the
+        start of each soil on. It acts where the rear axle is.
+
+    Raises
+    ------
+    ValueError
+        If the numbers of soils, starts and grades do not fit, starts do not increase, or a
+        grade is too steep.
+    """
+
+    def __init__(
+        self,
+        soils: Soil | Sequence[Soil],
+        starts: Sequence[float] = (),
+        grades: float | Sequence[float] = 0.0,
+    ) -> None:
+        self.soils = (soils,) if isinstance(soils, Soil) else tuple(soils)
+        if len(self.soils) != len(starts) + 1:
+            raise ValueError(
+                f'{len(self.soils)} soils need {len(self.soils) - 1} starts, got {len(starts)}'
+            )
+        self.starts = np.array([-np.inf, *starts])
+        if not np.all(np.isfinite(self.starts[1:])) or np.any(np.diff(self.starts) <= 0):
+            raise ValueError(f'starts of soils must be finite and increase, got {list(starts)} m')
+        if isinstance(grades, Sequence) and len(grades) != len(self.soils):
+            raise ValueError(f'{len(self.soils)} soils need as many grades, got {len(grades)}')
+        self.grades = np.array(np.broadcast_to(grades, len(self.soils)), dtype=float)
+        for grade in self.grades:
+            if not abs(grade) <= STEEPEST:
+                raise ValueError(f'grade must be within +-pi/4 rad, got {grade}')
+
+    def packed(self, wheel: Wheel) -> NDArray[np.float64]:
+        """Pack the soils as a wheel meets them, for the kernels.
+
+        Parameters
+        ----------
+        wheel : Wheel
+            The wheel.
+
+        Returns
+        -------
+        ndarray, shape (k, 11)
+            The soils in SI units, see `Soil.packed`.
+        """
+        return np.array([soil.packed(wheel) for soil in self.soils])
+
+
+class Stretch(Definition):
+    """One stretch of a path, as terrain files have them.
+
+    Attributes
+    ----------
+    start : float
+        Where it begins, m along the path; not used of the first.
+    soil : str
+        A preset, or ``file.yaml:name``.
+    grade : float
+        Slope, rad, uphill positive, within +-pi/4.
+    """
+
+    start: float = 0.0
+    soil: str
+    grade: float = Field(default=0.0, ge=-STEEPEST, le=STEEPEST)
+
+
+def load_terrain(path: str | Path) -> Terrain:
+    """Load soils and slopes along a path from a file.
+
+    Parameters
+    ----------
+    path : str or Path
+        A ``.csv`` file with the columns ``start`` (m), ``soil`` and, if wanted, ``grade``
+        (rad); or a YAML file with a list of mappings of these keys. Soils are presets, or
+        ``file.yaml:name`` with the file sought beside this one.
+
+    Returns
+    -------
+    Terrain
+        The terrain, in SI units.
+
+    Raises
+    ------
+    DefinitionError
+        Naming file, row and key of what is wrong.
+    """
+    path = Path(path)
+    rows = _csv_rows(path) if path.suffix.lower() == '.csv' else _yaml_rows(path)
+    stretches = []
+    soils = []
+    for where, row in rows:
+        stretch = build(Stretch, row, where)
+        file, _, name = stretch.soil.rpartition(':')
+        try:
+            soils.append(load_soil(f'{path.parent / file}:{name}' if file else name))
+        except DefinitionError as error:
+            raise DefinitionError(f'{where}: soil: {error}') from error
+        stretches.append(stretch)
+    if not stretches:
+        raise DefinitionError(f'{path}: no stretch in it')
+    try:
+        return Terrain(
+            soils, [s.start for s in stretches[1:]], [s.grade for s in stretches]
+        )
+    except ValueError as error:
+        raise DefinitionError(f'{path}: {error}') from error
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding='utf-8')
+    except OSError as error:
+        raise DefinitionError(f'{path}: {error.strerror}') from error
+    except UnicodeDecodeError as error:
+        raise DefinitionError(f'{path}: not text: {error}') from error
+
+
+def _csv_rows(path: Path) -> list[tuple[str, dict[str, Any]]]:
+    rows = csv.DictReader(_read(path).splitlines(), restkey='more')
+    return [
+        # An empty cell is one that was not given.
+        (f'{path}: line {rows.line_num}', {key: value for key, value in row.items() if value})
+        for row in rows
+    ]
+
+
+def _yaml_rows(path: Path) -> list[tuple[str, dict[str, Any]]]:
+    try:
+        content = yaml.safe_load(_read(path))
+    except yaml.YAMLError as error:
+        raise DefinitionError(f'{path}: not valid YAML: {error}') from error
+    if not isinstance(content, list):
+        raise DefinitionError(f'{path}: expected a list, found {type(content).__name__}')
+    return [(f'{path}: entry {number}', row) for number, row in enumerate(content, 1)]
+
+
+@kernel
+def soil_row(x, starts):
+    """Row of the soil at a place along the path.
+
+    Parameters
+    ----------
+    x : float
+        Place along the path, m.
+    starts : ndarray, shape (k,)
+        Where each soil begins, m, the first minus infinity.
+
+    Returns
+    -------
+    int
+        Index of the soil.
+    """
+    low, high = 0, starts.size
+    while high - low > 1:
+        middle = (low + high) // 2
+        if x >= starts[middle]:
+            low = middle
+        else:
+            high = middle
+    return low
