@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from traction_model.kernel import kernel
+from traction_model.kernel import inlined
 
 CELL = 0.02
 """Length of a cell, m."""
@@ -65,7 +65,7 @@ def fresh_ruts(tracks: int, length: float) -> Ruts:
     )
 
 
-@kernel
+@inlined
 def rut_at(x, track, ruts):
     """What wheels have left at a place, linear between cells.
 
@@ -101,7 +101,7 @@ def rut_at(x, track, ruts):
     return depth, shear, width
 
 
-@kernel
+@inlined
 def press_rut(x_from, x_to, depth, shear, width, track, ruts):
     """Leave a rut along the way of a wheel.
 

@@ -1,12 +1,12 @@
 """Slip: its definition, and the speed below which it means nothing."""
 
-from traction_model.kernel import kernel
+from traction_model.kernel import inlined
 
 LEAST_SPEED = 0.3
 """Speed below which slip is not valid, m/s, of the wheel rim or the vehicle."""
 
 
-@kernel
+@inlined
 def slip(v, rim_speed):
     """Slip of a wheel, equation (16) of Agriculture 2024, 14(3), 499.
 
@@ -40,7 +40,7 @@ def slip(v, rim_speed):
     return min(1.0, max(-1.0, value))
 
 
-@kernel
+@inlined
 def is_valid(v, rim_speed, least_speed):
     """Tell whether slip means anything at these speeds.
 
