@@ -591,10 +591,11 @@ def forces_at(
 
 
 @kernel
-def sinkage_at(form, v, omega, load, x, soils, starts, radius, width, track, ruts):
+def sinkage_at(form, v, omega, load, x, soils, starts, radius, width, track, ruts, guess):
     """Sinkage at which the soil carries a load while the wheel neither rises nor sinks.
 
-    False position on (0, r) with the Illinois step, to 0.1 um or a millionth of the load.
+    Load grows about like a power of sinkage: secant steps on logarithms, kept between a sinkage
+    that carries less and one that carries more, until the load is met to 1e-8.
 
     Parameters
     ----------
@@ -616,6 +617,8 @@ def sinkage_at(form, v, omega, load, x, soils, starts, radius, width, track, rut
         Which rut it runs in, -1 for none.
     ruts : Ruts
         What wheels have left so far.
+    guess : float
+        Where to begin, m, as from the last step; 0 for nowhere in particular.
 
     Returns
     -------
@@ -625,31 +628,35 @@ def sinkage_at(form, v, omega, load, x, soils, starts, radius, width, track, rut
     if load <= 0.0:
         return 0.0
     low, high = 0.0, radius
-    at_low = -load
-    at_high = -load + forces_at(
-        form, v, omega, high, 0.0, x, soils, starts, radius, width, track, ruts, FREE, 0.0
-    )[0]  # fmt: skip
-    if at_high <= 0.0:
-        return radius
-    z = low
-    side = 0
-    for _ in range(100):
-        z = (low * at_high - high * at_low) / (at_high - at_low)
-        at_z = -load + forces_at(
+    z = guess if 0.0 < guess < radius else radius / 10.0
+    # Plate of length like sqrt(z), pressure like z**n.
+    slope = soils[soil_row(x, starts), N_EXP] + 0.5
+    carried_before = 0.0
+    z_before = 0.0
+    for turn in range(200):
+        carried = forces_at(
             form, v, omega, z, 0.0, x, soils, starts, radius, width, track, ruts, FREE, 0.0
         )[0]  # fmt: skip
-        if abs(at_z) < 1e-6 * load or high - low < 1e-7:
+        if abs(carried - load) < 1e-8 * load:
             break
-        if at_z < 0.0:
-            low, at_low = z, at_z
-            if side < 0:
-                at_high /= 2.0
-            side = -1
+        if carried < load:
+            low = z
+            if z == radius:
+                break
         else:
-            high, at_high = z, at_z
-            if side > 0:
-                at_low /= 2.0
-            side = 1
+            high = z
+        if high - low < 1e-13 * radius:
+            break
+        if carried > 0.0 and carried_before > 0.0 and carried != carried_before:
+            slope = math.log(carried / carried_before) / math.log(z / z_before)
+        carried_before, z_before = carried, z
+        z = (low + high) / 2.0
+        if carried > 0.0 and slope > 0.05 and turn < 50:
+            step = z_before * (load / carried) ** (1.0 / slope)
+            if step >= high == radius:
+                z = radius
+            elif low < step < high:
+                z = step
     return z
 
 
@@ -704,5 +711,6 @@ def equilibrium_sinkage(form, v, omega, load, soil, radius, width):
         Sinkage, m; 0 for no load, and r where even that depth does not carry the load.
     """
     return sinkage_at(
-        form, v, omega, load, 0.0, soil.reshape(1, -1), EVERYWHERE, radius, width, -1, UNTOUCHED
-    )
+        form, v, omega, load, 0.0, soil.reshape(1, -1), EVERYWHERE, radius, width, -1, UNTOUCHED,
+        0.0,
+    )  # fmt: skip
