@@ -5,35 +5,27 @@ in bags/README.md.
 """
 
 import argparse
-import csv
 import lzma
 import shutil
 import sys
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from traction_model.chrono import CHRONO_RUNS, ChronoRecording, read_chrono
 from traction_model.slip import LEAST_SPEED, is_valid, slip
-from traction_model.vehicle import Vehicle, load_vehicle
 from traction_node.topics import topic
 from tractor_io.bag import QOS, BagError, BagWriter, typestore
 
 BAGS = Path(__file__).resolve().parents[1] / 'bags'
-
-SAMPLE_TIME = 0.005
-"""Step of the runs, s."""
 
 EPOCH = 1_000_000_000
 """Stamp of the first sample of every bag, ns."""
 
 RADAR_SIGMA = 0.05
 """Standard deviation of the radar's noise, m/s."""
-
-RAMP = 2.0
-"""Time over which the drawbar pull of the single-wheel runs comes on, s."""
 
 SOURCE = 'Project Chrono 8.0.0, SCM deformable terrain, simulated by this project'
 
@@ -46,37 +38,16 @@ TOPICS = (
     'ground_truth/odometry',
 )
 
-
-@dataclass(frozen=True)
-class Run:
-    """What the CSV of a run does not say.
-
-    Attributes
-    ----------
-    vehicle, soil : str
-        Presets of traction_model; the soil is that of the start of the run.
-    seed : int
-        Of the radar's noise; one of its own per run, never changed.
-    pull, pull_per_speed : float
-        Drawbar pull, N and N·s/m, of a single-wheel run; tractor runs have it as a column.
-    """
-
-    vehicle: str
-    soil: str
-    seed: int
-    pull: float = 0.0
-    pull_per_speed: float = 0.0
-
-
-RUNS = {
-    'tractor_sandy_loam': Run('tractor_4wd', 'sandy_loam_chrono', seed=1),
-    'tractor_soft_patch': Run('tractor_4wd', 'sandy_loam_chrono', seed=2),
-    'wheel_drawbar': Run('single_wheel_rig', 'paper_sand', 3, pull=900, pull_per_speed=300),
-    'wheel_high_slip': Run('single_wheel_rig', 'paper_sand', seed=4),
-    'wheel_low_slip': Run('single_wheel_rig', 'paper_sand', seed=5),
-    'wheel_soft_patch': Run('single_wheel_rig', 'paper_sand', 6, pull=700, pull_per_speed=300),
-    'wheel_torque_sine': Run('single_wheel_rig', 'paper_sand', 7, pull=900, pull_per_speed=300),
+SEEDS = {
+    'tractor_sandy_loam': 1,
+    'tractor_soft_patch': 2,
+    'wheel_drawbar': 3,
+    'wheel_high_slip': 4,
+    'wheel_low_slip': 5,
+    'wheel_soft_patch': 6,
+    'wheel_torque_sine': 7,
 }
+"""Seed of the radar's noise, one of its own per run, never changed."""
 
 
 class Samples:
@@ -84,34 +55,26 @@ class Samples:
 
     Parameters
     ----------
-    columns : dict of str to ndarray
-        As in the CSV.
-    vehicle : Vehicle
-        Whose wheels they are.
-    run : Run
-        What the CSV does not say.
+    recording : ChronoRecording
+        The run.
     """
 
-    def __init__(self, columns: dict[str, NDArray[np.float64]], vehicle: Vehicle, run: Run):
-        def wheels(name: str) -> NDArray[np.float64]:
-            if name in columns:  # a single wheel has no suffix
-                return columns[name][:, np.newaxis]
-            return np.column_stack([columns[f'{name}_{wheel}'] for wheel in self.names])
-
-        self.names = list(vehicle.wheel_names)
-        self.time = columns['t']
-        self.v = columns['v']
-        self.x = columns['x']
-        self.pitch = columns.get('pitch', np.zeros_like(self.time))
-        self.torque = wheels('torque')
-        self.omega = wheels('omega')
-        self.sinkage = wheels('sinkage')
-        self.force = wheels('fx')
-        self.rim_speed = self.omega * [wheel.radius for wheel in vehicle.wheels]
-        self.drawbar = columns.get('drawbar')
+    def __init__(self, recording: ChronoRecording):
+        self.names = list(recording.vehicle.wheel_names)
+        self.time = recording.t
+        self.v = recording.v
+        self.x = recording.x
+        self.pitch = recording.columns.get('pitch', np.zeros_like(self.time))
+        self.torque = recording.torque
+        self.omega = recording.omega
+        self.sinkage = recording.sinkage
+        self.force = recording.net_force
+        self.rim_speed = self.omega * [wheel.radius for wheel in recording.vehicle.wheels]
+        self.drawbar = recording.columns.get('drawbar')
         if self.drawbar is None:
-            pull = run.pull + run.pull_per_speed * self.v
-            self.drawbar = pull * np.minimum(1.0, self.time / RAMP)
+            drawbar = recording.run.drawbar
+            pull = drawbar.pull + drawbar.pull_per_speed * self.v
+            self.drawbar = pull * np.minimum(1.0, self.time / drawbar.ramp)
 
 
 class Messages:
@@ -243,43 +206,22 @@ class Messages:
 FAST_STEP, ODOMETRY_STEP, TERRAIN_STEP = 2, 4, 20
 
 
-def read_csv(path: Path) -> dict[str, NDArray[np.float64]]:
-    """Columns of an xz-compressed CSV with a header line.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    dict of str to ndarray
-    """
-    with lzma.open(path, 'rt', encoding='utf-8') as file:
-        names, *rows = csv.reader(file)
-    values = np.array(rows, dtype=float)
-    return dict(zip(names, values.T, strict=True))
-
-
 def make_bag(name: str, csv_path: Path, folder: Path) -> None:
     """Write the bag of a run.
 
     Parameters
     ----------
     name : str
-        A key of RUNS.
+        A key of CHRONO_RUNS.
     csv_path : Path
         Its samples.
     folder : Path
         Bag folder to make; must not exist.
     """
-    run = RUNS[name]
-    vehicle = load_vehicle(run.vehicle)
-    samples = Samples(read_csv(csv_path), vehicle, run)
-    if not np.allclose(np.diff(samples.time), SAMPLE_TIME):
-        raise BagError(f'{csv_path}: not sampled every {SAMPLE_TIME} s')
-    messages = Messages(samples, run.seed)
-    about = {'vehicle': run.vehicle, 'soil': run.soil, 'source': f'{SOURCE}: run {name}'}
+    run = CHRONO_RUNS[name]
+    samples = Samples(read_chrono(csv_path, run))
+    messages = Messages(samples, SEEDS[name])
+    about = {'vehicle': run.vehicle, 'soil': run.soils[0], 'source': f'{SOURCE}: run {name}'}
     with BagWriter(folder, about) as bag:
         for name in TOPICS:
             row = topic(name)
@@ -303,7 +245,7 @@ def remake(name: str, bags: Path) -> None:
     Parameters
     ----------
     name : str
-        A key of RUNS.
+        A key of CHRONO_RUNS.
     bags : Path
         Folder of all bags.
     """
@@ -325,7 +267,7 @@ def import_csv(source: Path, bags: Path) -> None:
     bags : Path
         Folder of all bags.
     """
-    for name in RUNS:
+    for name in CHRONO_RUNS:
         (bags / name).mkdir(parents=True, exist_ok=True)
         target = bags / name / f'{name}.csv.xz'
         with (
@@ -345,16 +287,16 @@ def main() -> int:
     )
     arguments = parser.parse_args()
     for name in arguments.names:
-        if name not in RUNS:
-            parser.error(f"no run '{name}'; there are: {', '.join(RUNS)}")
+        if name not in CHRONO_RUNS:
+            parser.error(f"no run '{name}'; there are: {', '.join(CHRONO_RUNS)}")
     try:
         if arguments.import_csv:
             import_csv(arguments.import_csv, arguments.bags)
-        for name in arguments.names or RUNS:
+        for name in arguments.names or CHRONO_RUNS:
             remake(name, arguments.bags)
             size = (arguments.bags / name / f'{name}.mcap').stat().st_size
             print(f'{arguments.bags / name}: {size / 1e3:.0f} kB')
-    except (BagError, OSError) as error:
+    except (BagError, ValueError, OSError) as error:
         print(f'make_bags: {error}', file=sys.stderr)
         return 1
     return 0

@@ -13,6 +13,8 @@ setup(
         ('share/' + package_name + '/config', ['config/plant.yaml']),
     ],
     install_requires=['numba', 'numpy', 'pydantic>=2', 'pyyaml', 'scipy'],
+    # LpvModel.to_control.
+    extras_require={'control': ['control']},
     zip_safe=False,
     maintainer='Traction-control suite maintainers',
     maintainer_email='maintainers@traction-control-suite.org',

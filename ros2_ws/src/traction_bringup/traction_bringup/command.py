@@ -1,4 +1,4 @@
-"""The command `traction`: demo, replay, plot."""
+"""The command `traction`: demo, replay, plot, sweep."""
 
 from pathlib import Path
 from typing import Annotated
@@ -95,6 +95,43 @@ def plot(
     path = output or places[0].with_name(f'{places[0].name}.png')
     draw(recordings, [place.stem for place in places], path, soft_from=soft_from)
     console.print(f'picture  {path}', soft_wrap=True)
+
+
+@app.command()
+def sweep(
+    definition: Annotated[
+        str, typer.Argument(help='YAML file, or the name of one shipped: sweep_tractor.')
+    ],
+    output: Annotated[
+        Path, typer.Option('--output', '-o', help='Where to put the results.', file_okay=False)
+    ] = Path('out/sweep'),
+    workers: Annotated[
+        int | None, typer.Option(help='Processes; default: one a core.', min=1)
+    ] = None,
+    scheduler: Annotated[
+        str, typer.Option(help='Dask scheduler to use instead, e.g. tcp://host:8786.')
+    ] = '',
+    draws: Annotated[
+        int | None, typer.Option(help='In place of the number in the file.', min=1)
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(help='In place of the seed in the file.', min=0)
+    ] = None,
+) -> None:
+    """Simulate many drives with soil, vehicle and torque drawn at random."""
+    from traction_bringup.sweep_report import sweep as run_sweep_and_report
+
+    interrupted = run_sweep_and_report(
+        definition,
+        output,
+        console,
+        workers=workers,
+        scheduler=scheduler,
+        draws=draws,
+        seed=seed,
+    )
+    if interrupted:
+        raise typer.Exit(130)
 
 
 def main() -> int:

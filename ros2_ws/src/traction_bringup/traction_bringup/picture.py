@@ -1,6 +1,7 @@
-"""Pictures of recorded drives: slip, speeds and torques, drives side by side."""
+"""Pictures: slip, speeds and torques of recorded drives; spread and sensitivity of sweeps."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import matplotlib
@@ -8,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from traction_bringup.recording import Recording, Series
+from traction_bringup.recording import Array, Recording, Series
 
 matplotlib.use('Agg')
 
@@ -17,6 +18,12 @@ _COLOURS = ('#0072B2', '#D55E00', '#009E73', '#CC79A7')
 _TARGET = '#444444'
 _ESTIMATE = '#F0E442'
 _SOFT = '#c8a165'
+
+DPI = 110
+"""Dots per inch of all pictures."""
+
+MOST_BARS = 12
+"""Most quantities that the sensitivity of a sweep is shown for, the strongest first."""
 
 
 def draw(
@@ -75,7 +82,7 @@ def draw(
     ):
         if axis.lines:
             axis.legend(fontsize=8, loc=place, framealpha=0.9)
-    figure.savefig(path, dpi=110)
+    figure.savefig(path, dpi=DPI)
 
 
 def _lines(
@@ -145,3 +152,93 @@ def _shade(axis: Axes, recording: Recording, soft_from: float | None, end: float
     there = np.flatnonzero(distance.values >= soft_from)
     if there.size:
         axis.axvspan(distance.t[there[0]], end, color=_SOFT, alpha=0.18, lw=0, label='soft soil')
+
+
+@dataclass(frozen=True)
+class Spread:
+    """One figure over all draws of a sweep, and what it depends on.
+
+    Attributes
+    ----------
+    label : str
+        What it is, with its unit.
+    values : ndarray, shape (k,)
+        In that unit; NaN where a draw has none.
+    correlations : dict of str to float
+        Rank correlation with what varied, -1 to 1, by name; NaN where it is not defined.
+    """
+
+    label: str
+    values: Array
+    correlations: Mapping[str, float]
+
+
+def draw_sweep(spreads: Sequence[Spread], title: str, path: Path | str) -> None:
+    """Draw histograms of a sweep's figures and what they depend on into a PNG.
+
+    Parameters
+    ----------
+    spreads : sequence of Spread
+        The figures, each a column.
+    title : str
+        Title of the whole.
+    path : Path or str
+        File to write.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+    """
+    strength = {
+        name: max(np.nan_to_num(abs(spread.correlations[name])) for spread in spreads)
+        for name in spreads[0].correlations
+    }
+    # The strongest on top.
+    names = sorted(strength, key=strength.__getitem__)[-MOST_BARS:]
+    bars = 0.9 + 0.32 * max(1, len(names))
+    figure = Figure(figsize=(2.4 + 4.2 * len(spreads), 3.9 + bars), layout='constrained')
+    figure.suptitle(title, fontsize=12, fontweight='bold')
+    axes = figure.subplots(2, len(spreads), squeeze=False, sharey='row', height_ratios=[3.4, bars])
+    for (above, below), spread in zip(axes.T, spreads, strict=True):
+        _draw_histogram(above, spread)
+        _draw_tornado(below, spread, names)
+    axes[0, 0].set_ylabel('draws')
+    figure.savefig(path, dpi=DPI)
+
+
+def _draw_histogram(axis: Axes, spread: Spread) -> None:
+    values = spread.values[np.isfinite(spread.values)]
+    axis.set_xlabel(spread.label)
+    axis.grid(alpha=0.25)
+    if not values.size:
+        axis.text(0.5, 0.5, 'not defined in any draw', transform=axis.transAxes, ha='center')
+        return
+    p5, median, p95 = np.percentile(values, [5, 50, 95])
+    axis.hist(values, bins=min(50, max(5, round(np.sqrt(len(values))))), color=_COLOURS[0])
+    axis.axvspan(
+        p5, p95, color=_TARGET, alpha=0.1, lw=0, label=f'p5 to p95: {p5:.3g} to {p95:.3g}'
+    )
+    axis.axvline(median, color=_TARGET, lw=1.2, ls='--', label=f'median: {median:.3g}')
+    axis.legend(fontsize=8, loc='upper right', framealpha=0.9)
+    # Room for the legend.
+    axis.margins(y=0.3)
+
+
+def _draw_tornado(axis: Axes, spread: Spread, names: Sequence[str]) -> None:
+    axis.set_xlim(-1.25, 1.25)
+    axis.set_xticks([-1.0, -0.5, 0.0, 0.5, 1.0])
+    axis.axvline(0.0, color=_TARGET, lw=0.8)
+    axis.grid(alpha=0.25, axis='x')
+    axis.set_xlabel('rank correlation')
+    if not names:
+        axis.set_yticks([])
+        axis.text(0.5, 0.5, 'no numbers varied', transform=axis.transAxes, ha='center')
+    for row, name in enumerate(names):
+        rho = spread.correlations[name]
+        if np.isfinite(rho):
+            axis.barh(row, rho, color=_COLOURS[0] if rho > 0 else _COLOURS[1])
+            side = 1 if rho >= 0 else -1
+            axis.text(rho + 0.03 * side, row, f'{rho:+.2f}', va='center', fontsize=8,
+                      ha='left' if side > 0 else 'right')  # fmt: skip
+    axis.set_yticks(range(len(names)), names, fontsize=9)

@@ -3,13 +3,14 @@
 from functools import cache
 from pathlib import Path
 
-import make_bags
 import pytest
+
+from traction_model.chrono import CHRONO_RUNS, read_chrono
 
 BAGS = Path(__file__).resolve().parents[4] / 'bags'
 
 
 @pytest.fixture(scope='session')
 def chrono():
-    """Columns of a Chrono run by name: `chrono('wheel_drawbar')['v']`, 200 Hz, SI units."""
-    return cache(lambda name: make_bags.read_csv(BAGS / name / f'{name}.csv.xz'))
+    """Chrono's recording of a run: `chrono('wheel_drawbar').v`, 200 Hz, SI units."""
+    return cache(lambda name: read_chrono(BAGS / name / f'{name}.csv.xz', CHRONO_RUNS[name]))

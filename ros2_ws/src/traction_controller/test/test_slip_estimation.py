@@ -28,29 +28,25 @@ def replay(chrono, name, silent=(math.inf, math.inf)):
     Returns t, slip error and its claimed standard deviation per wheel, and whether all slips
     are valid; after 2 s, where rim or vehicle is faster than 0.3 m/s.
     """
-    run = make_bags.RUNS[name]
-    columns = chrono(name)
-    vehicle = load_vehicle(run.vehicle)
-    wheels = vehicle.wheel_names
-    suffixes = [''] if len(wheels) == 1 else [f'_{wheel}' for wheel in wheels]
-    omega = np.column_stack([columns[f'omega{suffix}'] for suffix in suffixes])
-    torque = np.column_stack([columns[f'torque{suffix}'] for suffix in suffixes])
+    recording = chrono(name)
+    vehicle = recording.vehicle
     radii = [wheel.radius for wheel in vehicle.wheels]
-    estimation = SlipEstimation(vehicle, load_soil(run.soil))
-    noise = np.random.default_rng(run.seed).normal(0.0, RADAR_SIGMA, len(columns['t']))
+    estimation = SlipEstimation(vehicle, load_soil(recording.run.soils[0]))
+    noise = np.random.default_rng(make_bags.SEEDS[name]).normal(0.0, RADAR_SIGMA, len(recording.t))
     rows = []
-    for k in range(0, len(columns['t']), 2):
-        t, v = columns['t'][k], columns['v'][k]
-        estimation.wheel_states(t, omega[k], torque[k])
+    for k in range(0, len(recording.t), 2):
+        t, v = recording.t[k], recording.v[k]
+        omega = recording.omega[k]
+        estimation.wheel_states(t, omega, recording.torque[k])
         if k % 20 == 0 and not silent[0] <= t < silent[1]:
             estimation.radar(t, v + noise[k], RADAR_SIGMA**2)
-        rims = [r * w for r, w in zip(radii, omega[k], strict=True)]
+        rims = [r * w for r, w in zip(radii, omega, strict=True)]
         if t > 2.0 and all(max(abs(v), abs(rim)) > 0.3 for rim in rims):
             errors = [i - slip(v, rim) for i, rim in zip(estimation.slip, rims, strict=True)]
             deviations = np.sqrt(estimation.slip_variance)
             rows.append([t, *errors, *deviations, estimation.valid.all()])
     rows = np.array(rows)
-    n = len(wheels)
+    n = len(radii)
     return rows[:, 0], rows[:, 1 : 1 + n], rows[:, 1 + n : 1 + 2 * n], rows[:, -1] > 0.5
 
 
@@ -65,7 +61,7 @@ def test_slip_as_in_chrono(chrono, name):
     assert math.sqrt(np.mean(error**2)) <= 0.02
 
 
-@pytest.mark.parametrize('name', list(make_bags.RUNS))
+@pytest.mark.parametrize('name', list(make_bags.SEEDS))
 def test_errors_are_as_large_as_claimed(chrono, name):
     # Of a normal error 95.4 % lie within two standard deviations.
     _, error, deviation, _ = replay(chrono, name)
@@ -285,15 +281,15 @@ def test_reset_forgets_everything():
 
 
 def test_backward_is_forward_mirrored(chrono):
-    columns = chrono('wheel_drawbar')
+    run = chrono('wheel_drawbar')
     forward, backward = fresh(), fresh()
     for k in range(0, 1200, 2):
-        t, omega, torque = columns['t'][k], columns['omega'][k], columns['torque'][k]
-        forward.wheel_states(t, [omega], [torque])
-        backward.wheel_states(t, [-omega], [-torque])
+        t, omega, torque = run.t[k], run.omega[k], run.torque[k]
+        forward.wheel_states(t, omega, torque)
+        backward.wheel_states(t, -omega, -torque)
         if k % 20 == 0:
-            forward.radar(t, columns['v'][k], 0.0025)
-            backward.radar(t, -columns['v'][k], 0.0025)
+            forward.radar(t, run.v[k], 0.0025)
+            backward.radar(t, -run.v[k], 0.0025)
     assert backward.v == pytest.approx(-forward.v)
     assert backward.slip == pytest.approx(forward.slip)
     assert backward.max_shear_stress == pytest.approx(forward.max_shear_stress)

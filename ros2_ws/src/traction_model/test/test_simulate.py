@@ -11,16 +11,18 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from traction_model.contact import Form, contact, equilibrium_sinkage
+from traction_model.empirical import Burckhardt
 from traction_model.simulate import Drawbar, Plant, drawbar_force, initial_state, simulate
-from traction_model.slip import slip
 from traction_model.soil import load_soil
 from traction_model.terrain import Terrain
 from traction_model.vehicle import load_vehicle
 
 RIG = load_vehicle('single_wheel_rig')
 TRACTOR = load_vehicle('tractor_4wd')
-SAND = load_soil('paper_sand')
-LOAM = load_soil('sandy_loam_chrono')
+# With a curve for the empirical form.
+CURVE = Burckhardt(c1=0.6, c2=12, c3=0.1, rolling_resistance=0.05)
+SAND = load_soil('paper_sand').model_copy(update={'traction_curve': CURVE})
+LOAM = load_soil('sandy_loam_chrono').model_copy(update={'traction_curve': CURVE})
 
 
 def constant(torque, seconds, dt=0.005):
@@ -44,7 +46,16 @@ def tractor_motion(t, y, torque, soil, drawbar):
     carried = np.array([7798.95, 7798.95, 13979.25, 13979.25]) / 9.81
     forces = np.array(
         [
-            contact(2, v, omega[j], z[j], z_rate[j], soil.packed(TRACTOR.wheels[j]), radii[j], widths[j])
+            contact(
+                2,
+                v,
+                omega[j],
+                z[j],
+                z_rate[j],
+                soil.packed(TRACTOR.wheels[j]),
+                radii[j],
+                widths[j],
+            )
             for j in range(4)
         ]
     )
@@ -65,9 +76,7 @@ def tractor_motion(t, y, torque, soil, drawbar):
 def test_tractor_against_independent_solver():
     torque = np.array([1500.0, 1500.0, 5000.0, 5000.0])
     drawbar = Drawbar(6000, 1500, 2.0)
-    ours = simulate(
-        TRACTOR, LOAM, constant(torque, 4.0), 0.005, drawbar=drawbar, multipass=False
-    )
+    ours = simulate(TRACTOR, LOAM, constant(torque, 4.0), 0.005, drawbar=drawbar, multipass=False)
     rest = initial_state(TRACTOR, LOAM)
     start = np.concatenate([[0.0], rest[2:]])
     theirs = solve_ivp(
@@ -117,8 +126,9 @@ def test_wheel_against_independent_solver(form):
 SHORT_RUN = """
 import json
 import numpy as np
-from traction_model import Drawbar, Form, load_soil, load_vehicle, simulate
+from traction_model import Burckhardt, Drawbar, Form, load_soil, load_vehicle, simulate
 vehicle, soil = load_vehicle('tractor_4wd'), load_soil('sandy_loam_chrono')
+soil = soil.model_copy(update={'traction_curve': Burckhardt(c1=0.6, c2=12, c3=0.1)})
 torque = np.tile([1500.0, 1500.0, 5000.0, 5000.0], (21, 1))
 runs = [
     simulate(vehicle, soil, torque, 0.005, form=form, sinkage=sinkage, v0=1.0,
@@ -332,10 +342,17 @@ def test_what_simulate_refuses():
     refused('dt must be above 0 and at most 0.02 s, got nan', dt=math.nan)
     refused("sinkage must be 'dynamic', 'equilibrium' or samples, got 'deep'", sinkage='deep')
     refused('sinkage has 5 samples, torque has 11', sinkage=np.zeros((5, 4)))
-    refused('sinkage needs at least 11 samples, got 5', torque=np.zeros((5, 4)), sinkage=np.zeros((5, 4)))
+    refused(
+        'sinkage needs at least 11 samples, got 5',
+        torque=np.zeros((5, 4)),
+        sinkage=np.zeros((5, 4)),
+    )
     refused('shear_step must be at least 0 s, got -1', shear_step=-1)
     refused(r'sinkage0 must have shape \(4,\), got \(2,\)', sinkage0=[0.1, 0.1])
-    refused('x0, v0, omega0, sinkage0 and sinkage_rate0 must be finite, got 0.0 m, nan m/s', v0=math.nan)
+    refused(
+        'x0, v0, omega0, sinkage0 and sinkage_rate0 must be finite, got 0.0 m, nan m/s',
+        v0=math.nan,
+    )
     refused(r'omega0 must have shape \(4,\), got \(2,\)', omega0=[1.0, 2.0])
     # A number for every wheel, not one that is spread over all.
     refused(r'omega0 must have shape \(4,\), got \(\)', omega0=1.0)

@@ -15,7 +15,7 @@ def test_terrain_packs_soils_in_order():
     terrain = Terrain([load_soil('dry_sand'), load_soil('snow_us')], [15.0])
     assert terrain.starts.tolist() == [-np.inf, 15.0]
     wheel = Wheel(radius=0.5, width=0.4, inertia=20)
-    assert terrain.packed(wheel)[1] == pytest.approx(load_soil('snow_us').packed(wheel))
+    np.testing.assert_array_equal(terrain.packed(wheel)[1], load_soil('snow_us').packed(wheel))
     alone = Terrain(load_soil('dry_sand'))
     assert alone.soils == (load_soil('dry_sand'),)
 
@@ -89,8 +89,12 @@ def test_terrain_from_a_file(tmp_path, name, text):
 @pytest.mark.parametrize(
     ('name', 'text', 'reason'),
     [
-        ('a.csv', 'start,soil\n,dry_sandd\n', r"a\.csv: line 2: soil: unknown soil 'dry_sandd'; did"),
-        ('a.csv', 'start,soill\n,dry_sand\n', r"a\.csv: line 2: soill: unknown key; did you mean"),
+        (
+            'a.csv',
+            'start,soil\n,dry_sandd\n',
+            r"a\.csv: line 2: soil: unknown soil 'dry_sandd'; did",
+        ),
+        ('a.csv', 'start,soill\n,dry_sand\n', r'a\.csv: line 2: soill: unknown key; did you mean'),
         ('a.csv', 'start,soil\n,dry_sand\nx,snow_us\n', r'a\.csv: line 3: start: .*number.*x'),
         ('a.csv', 'start,soil\n,dry_sand,3\n', r'a\.csv: line 2: more: unknown key'),
         ('a.csv', '', r'a\.csv: no stretch in it'),

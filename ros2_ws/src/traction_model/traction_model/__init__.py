@@ -2,27 +2,45 @@
 
 from traction_model.contact import Form
 from traction_model.definition import DefinitionError
+from traction_model.empirical import Brixius, Burckhardt, CurveFit, Pacejka, fit_curve
+from traction_model.lpv import LpvModel
 from traction_model.simulate import Drawbar, Plant, Trajectory, simulate
 from traction_model.soil import Soil, load_soil, preset_soils, read_soils
 from traction_model.terrain import Terrain, load_terrain
+from traction_model.tractive import (
+    TractiveFigures,
+    greatest_pull_slip,
+    optimum_slip,
+    tractive_figures,
+)
 from traction_model.vehicle import Axle, Vehicle, load_vehicle
 from traction_model.wheel import Wheel
 
 __all__ = [
     'Axle',
+    'Brixius',
+    'Burckhardt',
+    'CurveFit',
     'DefinitionError',
     'Drawbar',
     'Form',
+    'LpvModel',
+    'Pacejka',
     'Plant',
     'Soil',
     'Terrain',
+    'TractiveFigures',
     'Trajectory',
     'Vehicle',
     'Wheel',
+    'fit_curve',
+    'greatest_pull_slip',
     'load_soil',
     'load_terrain',
     'load_vehicle',
+    'optimum_slip',
     'preset_soils',
     'read_soils',
     'simulate',
+    'tractive_figures',
 ]

@@ -15,16 +15,19 @@ wheel performance, J. Terramechanics 4(1), 1967.
 """
 
 import math
+from collections.abc import Iterable
 from enum import IntEnum
 
 import numpy as np
 
 from traction_model.elementary import exponential, power
+from traction_model.empirical import curve_ratios
 from traction_model.kernel import inlined, kernel
 from traction_model.rut import fresh_ruts, rut_at
 from traction_model.slip import slip
 from traction_model.soil import (
     COHESION,
+    CURVE,
     DAMPING,
     ELASTIC_MODULUS,
     HUMP,
@@ -35,6 +38,7 @@ from traction_model.soil import (
     SHEAR_MEMORY,
     SHEAR_MODULUS,
     TAN_PHI,
+    Soil,
 )
 from traction_model.terrain import soil_row
 
@@ -50,11 +54,36 @@ class Form(IntEnum):
         Thrust with kappa = (1 - exp(-y))/y, the paper's (21).
     CONTACT
         Stresses integrated over the contact arc, after Wong and Reece.
+    EMPIRICAL
+        The soil's traction curve, over the load that a flat plate carries.
     """
 
     PAPER = 0
     BEKKER_WONG = 1
     CONTACT = 2
+    EMPIRICAL = 3
+
+
+def check_form(form: Form, soils: Iterable[Soil]) -> None:
+    """Refuse soils that lack what a form needs.
+
+    Parameters
+    ----------
+    form : Form
+        Form of the contact model.
+    soils : iterable of Soil
+        The soils that it is to be used on.
+
+    Raises
+    ------
+    ValueError
+        If the form is `EMPIRICAL` and a soil has no traction curve.
+    """
+    if form == Form.EMPIRICAL and any(soil.traction_curve is None for soil in soils):
+        raise ValueError(
+            'form empirical needs soils with a traction_curve: give mobility_number of a Brixius '
+            'curve, say, or fit a curve with fit_curve'
+        )
 
 
 LEAST_TRANSIT_SPEED = 0.05
@@ -100,7 +129,9 @@ def shear_deficit(y):
     """
     if y < 0.02:
         # The series; its next term is below 1e-13. math.expm1 takes three times as long as exp.
-        return 1.0 - y / 2.0 * (1.0 - y / 3.0 * (1.0 - y / 4.0 * (1.0 - y / 5.0 * (1.0 - y / 6.0))))
+        return 1.0 - y / 2.0 * (
+            1.0 - y / 3.0 * (1.0 - y / 4.0 * (1.0 - y / 5.0 * (1.0 - y / 6.0)))
+        )
     return (1.0 - math.exp(-y)) / y
 
 
@@ -138,7 +169,7 @@ def mean_mobilised(y, soil):
     ----------
     y : float
         Shear displacement at the contact's end over K, dimensionless, at least 0.
-    soil : ndarray, shape (11,)
+    soil : ndarray, shape (17,)
         A packed soil, SI units.
 
     Returns
@@ -152,9 +183,7 @@ def mean_mobilised(y, soil):
     residual, hump = soil[RESIDUAL], soil[HUMP]
     if soil[SHEAR_LAW] == 1.0:
         # Integral of (1 + H*e^(1-u))*(1 - e^-u).
-        return residual * (
-            1.0 - deficit + hump * math.e * (deficit - shear_deficit(2.0 * y))
-        )
+        return residual * (1.0 - deficit + hump * math.e * (deficit - shear_deficit(2.0 * y)))
     if y < 1e-4:
         return residual * (1.0 + hump) * y / 2.0
     # Integral of tanh(u)*(1 + H/cosh(u)): ln cosh(y) + H*(1 - 1/cosh(y)).
@@ -165,20 +194,21 @@ def mean_mobilised(y, soil):
 
 @inlined
 def plate_contact(form, v, omega, z, z_rate, soil, radius, width, imposed):
-    """Forces on a wheel by the closed forms `PAPER` and `BEKKER_WONG`.
+    """Forces on a wheel by the forms `PAPER`, `BEKKER_WONG` and `EMPIRICAL`.
 
     The contact is a flat plate of width b and of the length the sinkage gives it,
-    ``sqrt(2*r*z - z^2)``; resistance is Bekker's compaction resistance (25).
+    ``sqrt(2*r*z - z^2)``; resistance is Bekker's compaction resistance (25). `EMPIRICAL` takes
+    only the load from it.
 
     Parameters
     ----------
     form : int
-        ``Form.PAPER`` or ``Form.BEKKER_WONG``.
+        ``Form.PAPER``, ``Form.BEKKER_WONG`` or ``Form.EMPIRICAL``.
     v, omega : float
         Speed of the centre, m/s, and wheel speed, rad/s, forward positive.
     z, z_rate : float
         Sinkage, m, and its rate, m/s, downward positive.
-    soil : ndarray, shape (11,)
+    soil : ndarray, shape (17,)
         A packed soil, SI units.
     radius, width : float
         r and b, m.
@@ -201,6 +231,16 @@ def plate_contact(form, v, omega, z, z_rate, soil, radius, width, imposed):
         load = area * (soil[MODULUS] * z ** soil[N_EXP] + soil[DAMPING] * max(z_rate, 0.0))
     strength = soil[COHESION] + load / area * soil[TAN_PHI]
 
+    # Fades out at standstill, where resistance has no direction.
+    rolling = max(-1.0, min(1.0, v / LEAST_TRANSIT_SPEED))
+    if form == 3:
+        # Along the path positive, and finite at standstill.
+        rim = radius * omega
+        slipping = (rim - v) / max(abs(v), abs(rim), LEAST_TRANSIT_SPEED)
+        gross, drag = curve_ratios(soil[CURVE:], slipping)
+        backward, _ = curve_ratios(soil[CURVE:], -slipping)
+        thrust = load * ((1.0 + rolling) * gross - (1.0 - rolling) * backward) / 2.0
+        return load, thrust, rolling * load * drag, radius * thrust
     slipping = slip(v, radius * omega)
     y = abs(slipping) * length / soil[SHEAR_MODULUS]
     if form == 0:
@@ -209,8 +249,6 @@ def plate_contact(form, v, omega, z, z_rate, soil, radius, width, imposed):
         share = mean_mobilised(y, soil)
     direction = 1.0 if radius * omega >= v else -1.0
     thrust = direction * strength * area * share
-    # Fades out at standstill, where resistance has no direction.
-    rolling = max(-1.0, min(1.0, v / LEAST_TRANSIT_SPEED))
     resistance = rolling * width * load * z / ((soil[N_EXP] + 1.0) * area)
     return load, thrust, resistance, radius * thrust
 
@@ -312,7 +350,7 @@ def one_way(v, omega, z, z_rate, side, x, soils, starts, radius, width, depth, s
         1 where the entry lies ahead along the path, -1 where it lies behind.
     x : float
         Place of the wheel's centre along the path, m.
-    soils : ndarray, shape (k, 11)
+    soils : ndarray, shape (k, 17)
         Packed soils, SI units.
     starts : ndarray, shape (k,)
         Where each soil begins, m, the first minus infinity.
@@ -469,7 +507,7 @@ def arc_contact(
         Sinkage, m, and its rate, m/s, downward positive.
     x : float
         Place of the wheel's centre along the path, m.
-    soils : ndarray, shape (k, 11)
+    soils : ndarray, shape (k, 17)
         Packed soils, SI units.
     starts : ndarray, shape (k,)
         Where each soil begins, m, the first minus infinity.
@@ -557,7 +595,7 @@ def forces_at(
         Sinkage, m, and its rate, m/s, downward positive.
     x : float
         Place of the wheel's centre along the path, m.
-    soils : ndarray, shape (k, 11)
+    soils : ndarray, shape (k, 17)
         Packed soils, SI units.
     starts : ndarray, shape (k,)
         Where each soil begins, m, the first minus infinity.
@@ -607,7 +645,7 @@ def sinkage_at(form, v, omega, load, x, soils, starts, radius, width, track, rut
         Load to carry, N.
     x : float
         Place of the wheel's centre along the path, m.
-    soils : ndarray, shape (k, 11)
+    soils : ndarray, shape (k, 17)
         Packed soils, SI units.
     starts : ndarray, shape (k,)
         Where each soil begins, m, the first minus infinity.
@@ -672,7 +710,7 @@ def contact(form, v, omega, z, z_rate, soil, radius, width):
         Speed of the centre, m/s, and wheel speed, rad/s, forward positive.
     z, z_rate : float
         Sinkage, m, and its rate, m/s, downward positive.
-    soil : ndarray, shape (11,)
+    soil : ndarray, shape (17,)
         A packed soil, SI units.
     radius, width : float
         r and b, m.
@@ -700,7 +738,7 @@ def equilibrium_sinkage(form, v, omega, load, soil, radius, width):
         Speed of the centre, m/s, and wheel speed, rad/s, forward positive.
     load : float
         Load to carry, N.
-    soil : ndarray, shape (11,)
+    soil : ndarray, shape (17,)
         A packed soil, SI units.
     radius, width : float
         r and b, m.

@@ -23,13 +23,15 @@ from traction_model.contact import (
     LEAST_TRANSIT_SPEED,
     UNTOUCHED,
     Form,
+    check_form,
     forces_at,
     sinkage_at,
 )
+from traction_model.empirical import curve_ratios
 from traction_model.kernel import inlined, kernel
 from traction_model.rut import Ruts, fresh_ruts, press_rut
 from traction_model.slip import LEAST_SPEED, is_valid, slip
-from traction_model.soil import COHESION, DAMPING, SHEAR_MODULUS, TAN_PHI, Soil
+from traction_model.soil import COHESION, CURVE, DAMPING, SHEAR_MODULUS, TAN_PHI, Soil
 from traction_model.terrain import Terrain, soil_row
 from traction_model.vehicle import AIR_DENSITY, GRAVITY, Vehicle
 from traction_model.wheel import (
@@ -92,7 +94,7 @@ class Model(NamedTuple):
         Packed wheels, SI units.
     spread : ndarray, shape (n, 2)
         Load of a wheel, N, per N of total load and per N*m of its moment.
-    soils : ndarray, shape (n, k, 11)
+    soils : ndarray, shape (n, k, 17)
         Packed soils as each wheel meets them, SI units.
     starts : ndarray, shape (k,)
         Where each soil begins, m, the first minus infinity.
@@ -289,9 +291,16 @@ def steps_for(dt, y, model, forces):
         row = soil_row(y[DISTANCE] + wheels[j, POSITION], model.starts)
         radius = wheels[j, RADIUS]
         length = math.sqrt(2.0 * radius * min(max(forces[j, 4], 0.0), radius))
-        strength = model.soils[j, row, COHESION] * wheels[j, WIDTH] * length + forces[j, 5] * model.soils[j, row, TAN_PHI]
+        strength = (
+            model.soils[j, row, COHESION] * wheels[j, WIDTH] * length
+            + forces[j, 5] * model.soils[j, row, TAN_PHI]
+        )
         speed = max(abs(v), radius * abs(y[FIRST_WHEEL + j]), LEAST_TRANSIT_SPEED)
         stiffness = strength * length / model.soils[j, row, SHEAR_MODULUS] / speed
+        if model.form == 3:
+            curve = model.soils[j, row, CURVE:]
+            rise = curve_ratios(curve, 1e-3)[0] - curve_ratios(curve, 0.0)[0]
+            stiffness = forces[j, 5] * rise / 1e-3 / speed
         shared += stiffness / model.mass
         fastest = max(fastest, stiffness * radius * radius / wheels[j, INERTIA])
         if model.mode == 0:
@@ -785,9 +794,7 @@ def simulate(
     loads[:, 0] = model.wheels[:, STATIC_LOAD]
     loads[:, 4] = start[FIRST_WHEEL + n : FIRST_WHEEL + 2 * n]
     work = np.empty((3, start.size))
-    _run(
-        t0, dt, start, torque, given, model, _fresh_ruts(vehicle), loads, work, states, forces
-    )
+    _run(t0, dt, start, torque, given, model, _fresh_ruts(vehicle), loads, work, states, forces)
 
     v = states[:, SPEED]
     omega = states[:, FIRST_WHEEL : FIRST_WHEEL + n]
@@ -822,6 +829,7 @@ def _model(
     if sinkage not in SINKAGE_MODES:
         raise ValueError(f"sinkage must be 'dynamic', 'equilibrium' or samples, got {sinkage!r}")
     terrain = _terrain(terrain)
+    check_form(form, terrain.soils)
     cg_x, cg_height = vehicle.centre_of_gravity
     return Model(
         form=int(form),
@@ -856,9 +864,7 @@ def _with_rates(depth: Array, dt: float) -> Array:
     window = max(5, 2 * round(SMOOTHED / dt / 2) + 1)
     if len(depth) < window:
         raise ValueError(f'sinkage needs at least {window} samples, got {len(depth)}')
-    rates = [
-        savgol_filter(depth, window, 2, deriv=order, delta=dt, axis=0) for order in (1, 2)
-    ]
+    rates = [savgol_filter(depth, window, 2, deriv=order, delta=dt, axis=0) for order in (1, 2)]
     return np.ascontiguousarray(np.stack([depth, *rates], axis=1))
 
 

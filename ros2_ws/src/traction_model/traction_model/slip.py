@@ -1,5 +1,8 @@
 """Slip: its definition, and the speed below which it means nothing."""
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 from traction_model.kernel import inlined
 
 LEAST_SPEED = 0.3
@@ -59,3 +62,30 @@ def is_valid(v, rim_speed, least_speed):
         True when slip is defined well enough to act on.
     """
     return max(abs(v), abs(rim_speed)) >= least_speed
+
+
+def checked_slip(slip: ArrayLike) -> NDArray[np.float64]:
+    """Refuse what is not a slip.
+
+    Parameters
+    ----------
+    slip : array_like
+        Slip, -1 to 1, any shape.
+
+    Returns
+    -------
+    ndarray
+        The same as numbers, -1 to 1.
+
+    Raises
+    ------
+    ValueError
+        If one of them is not a number from -1 to 1.
+    """
+    array = np.asarray(slip, dtype=float)
+    wrong = array[~(np.abs(array) <= 1)]
+    if wrong.size:
+        raise ValueError(
+            f'slip must be a share from -1 (locked) to 1 (spinning), got {wrong.flat[0]}'
+        )
+    return array

@@ -17,11 +17,13 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from traction_model.definition import Definition, DefinitionError, build, closest, read_yaml
+from traction_model.empirical import CURVE_COLUMNS, Brixius, Burckhardt, Pacejka
 from traction_model.wheel import Wheel
 
 # Columns of a packed soil, as the kernels index them.
 MODULUS, N_EXP, COHESION, TAN_PHI, SHEAR_MODULUS, DAMPING = range(6)
-ELASTIC_MODULUS, SHEAR_LAW, RESIDUAL, HUMP, SHEAR_MEMORY, SOIL_COLUMNS = range(6, 12)
+ELASTIC_MODULUS, SHEAR_LAW, RESIDUAL, HUMP, SHEAR_MEMORY, CURVE = range(6, 12)
+SOIL_COLUMNS = CURVE + CURVE_COLUMNS
 
 PressureLaw = Literal['bekker', 'bernstein', 'reece']
 ShearLaw = Literal['janosi_hanamoto', 'wong_preston_thomas', 'kacigin_guskov']
@@ -72,6 +74,8 @@ class Soil(Definition):
     shear_memory : float
         Share of its shear displacement that soil keeps for the next wheel in the same rut,
         0 to 1.
+    traction_curve : Brixius, Burckhardt or Pacejka, optional
+        Traction over slip, dimensionless, for the contact form `EMPIRICAL`.
     """
 
     pressure_law: PressureLaw = 'bekker'
@@ -87,6 +91,7 @@ class Soil(Definition):
     damping: float = Field(default=3e4, ge=0)
     elastic_modulus: float | None = Field(default=None, gt=0)
     shear_memory: float = Field(default=1.0, ge=0, le=1)
+    traction_curve: Brixius | Burckhardt | Pacejka | None = None
 
     @model_validator(mode='after')
     def _parameters_of_the_laws(self) -> 'Soil':
@@ -141,13 +146,15 @@ class Soil(Definition):
 
         Returns
         -------
-        ndarray, shape (11,)
+        ndarray, shape (17,)
             k, n, c, tan(phi), K, D, elastic modulus (infinite where there is none), the shear
-            law's number, its residual ratio, its hump, shear memory; SI units.
+            law's number, its residual ratio, its hump, shear memory, the packed traction curve
+            (NaN where there is none); SI units.
         """
         on_cohesion, on_friction = wheel.grip
         law = SHEAR_LAWS[self.shear_law]
         residual = self.residual_ratio or 1.0
+        curve = self.traction_curve
         return np.array(
             [
                 self.sinkage_modulus(wheel.width),
@@ -161,6 +168,7 @@ class Soil(Definition):
                 residual,
                 (0.0, _wong_hump(residual), _guskov_hump(residual))[law],
                 self.shear_memory,
+                *(np.full(CURVE_COLUMNS, np.nan) if curve is None else curve.packed()),
             ]
         )
 

@@ -72,7 +72,7 @@ class Terrain:
 
         Returns
         -------
-        ndarray, shape (k, 11)
+        ndarray, shape (k, 17)
             The soils in SI units, see `Soil.packed`.
         """
         return np.array([soil.packed(wheel) for soil in self.soils])
@@ -131,9 +131,7 @@ def load_terrain(path: str | Path) -> Terrain:
     if not stretches:
         raise DefinitionError(f'{path}: no stretch in it')
     try:
-        return Terrain(
-            soils, [s.start for s in stretches[1:]], [s.grade for s in stretches]
-        )
+        return Terrain(soils, [s.start for s in stretches[1:]], [s.grade for s in stretches])
     except ValueError as error:
         raise DefinitionError(f'{path}: {error}') from error
 

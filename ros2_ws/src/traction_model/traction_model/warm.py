@@ -1,18 +1,23 @@
 """Compile the kernels once, so that a node does not have to when it starts."""
 
 from traction_model.contact import Form
+from traction_model.empirical import Brixius
 from traction_model.simulate import Plant, simulate
 from traction_model.soil import load_soil
 from traction_model.terrain import Terrain
+from traction_model.tractive import tractive_figures
 from traction_model.vehicle import load_vehicle
 
 
 def main() -> None:
     """Run every kernel of the package."""
     vehicle = load_vehicle('single_wheel_rig')
-    terrain = Terrain(load_soil('paper_sand'))
+    curve = Brixius(mobility_number=30)
+    terrain = Terrain(load_soil('paper_sand').model_copy(update={'traction_curve': curve}))
     for form in Form:
         Plant(vehicle, terrain, form=form).step([100.0], 0.01)
+    tractive_figures(load_soil('paper_sand'), vehicle, [0.1])
+    curve.net_traction_ratio([0.1])
     simulate(vehicle, terrain, [[0.0], [100.0], [100.0]], 0.01)
 
 
