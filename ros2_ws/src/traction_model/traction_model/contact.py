@@ -22,7 +22,7 @@ import numpy as np
 
 from traction_model.elementary import exponential, power
 from traction_model.empirical import curve_ratios
-from traction_model.kernel import inlined, kernel
+from traction_model.kernel import inlined, kernel, lean_kernel
 from traction_model.rut import fresh_ruts, rut_at
 from traction_model.slip import slip
 from traction_model.soil import (
@@ -129,9 +129,8 @@ def shear_deficit(y):
     """
     if y < 0.02:
         # The series; its next term is below 1e-13. math.expm1 takes three times as long as exp.
-        return 1.0 - y / 2.0 * (
-            1.0 - y / 3.0 * (1.0 - y / 4.0 * (1.0 - y / 5.0 * (1.0 - y / 6.0)))
-        )
+        rest = 1.0 - y / 4.0 * (1.0 - y / 5.0 * (1.0 - y / 6.0))
+        return 1.0 - y / 2.0 * (1.0 - y / 3.0 * rest)
     return (1.0 - math.exp(-y)) / y
 
 
@@ -229,7 +228,6 @@ def plate_contact(form, v, omega, z, z_rate, soil, radius, width, imposed):
     load = imposed
     if load < 0.0:
         load = area * (soil[MODULUS] * z ** soil[N_EXP] + soil[DAMPING] * max(z_rate, 0.0))
-    strength = soil[COHESION] + load / area * soil[TAN_PHI]
 
     # Fades out at standstill, where resistance has no direction.
     rolling = max(-1.0, min(1.0, v / LEAST_TRANSIT_SPEED))
@@ -248,8 +246,8 @@ def plate_contact(form, v, omega, z, z_rate, soil, radius, width, imposed):
     else:
         share = mean_mobilised(y, soil)
     direction = 1.0 if radius * omega >= v else -1.0
-    thrust = direction * strength * area * share
-    resistance = rolling * width * load * z / ((soil[N_EXP] + 1.0) * area)
+    thrust = direction * (soil[COHESION] * area + load * soil[TAN_PHI]) * share
+    resistance = rolling * load * z / ((soil[N_EXP] + 1.0) * length)
     return load, thrust, resistance, radius * thrust
 
 
@@ -488,7 +486,7 @@ def one_way(v, omega, z, z_rate, side, x, soils, starts, radius, width, depth, s
     )
 
 
-@kernel
+@lean_kernel
 def arc_contact(
     v, omega, z, z_rate, x, soils, starts, radius, width, track, ruts, imposed, shear_step
 ):
@@ -628,7 +626,7 @@ def forces_at(
     return load, thrust, resistance, moment, 0.0
 
 
-@kernel
+@lean_kernel
 def sinkage_at(form, v, omega, load, x, soils, starts, radius, width, track, ruts, guess):
     """Sinkage at which the soil carries a load while the wheel neither rises nor sinks.
 

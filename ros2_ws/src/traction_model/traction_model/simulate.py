@@ -28,10 +28,10 @@ from traction_model.contact import (
     sinkage_at,
 )
 from traction_model.empirical import curve_ratios
-from traction_model.kernel import inlined, kernel
+from traction_model.kernel import inlined, kernel, lean_kernel
 from traction_model.rut import Ruts, fresh_ruts, press_rut
 from traction_model.slip import LEAST_SPEED, is_valid, slip
-from traction_model.soil import COHESION, CURVE, DAMPING, SHEAR_MODULUS, TAN_PHI, Soil
+from traction_model.soil import COHESION, CURVE, DAMPING, SHEAR_LAW, SHEAR_MODULUS, TAN_PHI, Soil
 from traction_model.terrain import Terrain, soil_row
 from traction_model.vehicle import AIR_DENSITY, GRAVITY, Vehicle
 from traction_model.wheel import (
@@ -288,23 +288,22 @@ def steps_for(dt, y, model, forces):
     shared = 0.0
     fastest = 0.0
     for j in range(n):
-        row = soil_row(y[DISTANCE] + wheels[j, POSITION], model.starts)
+        soil = model.soils[j, soil_row(y[DISTANCE] + wheels[j, POSITION], model.starts)]
         radius = wheels[j, RADIUS]
         length = math.sqrt(2.0 * radius * min(max(forces[j, 4], 0.0), radius))
-        strength = (
-            model.soils[j, row, COHESION] * wheels[j, WIDTH] * length
-            + forces[j, 5] * model.soils[j, row, TAN_PHI]
-        )
+        strength = soil[COHESION] * wheels[j, WIDTH] * length + forces[j, 5] * soil[TAN_PHI]
         speed = max(abs(v), radius * abs(y[FIRST_WHEEL + j]), LEAST_TRANSIT_SPEED)
-        stiffness = strength * length / model.soils[j, row, SHEAR_MODULUS] / speed
-        if model.form == 3:
-            curve = model.soils[j, row, CURVE:]
-            rise = curve_ratios(curve, 1e-3)[0] - curve_ratios(curve, 0.0)[0]
+        stiffness = strength * length / (soil[SHEAR_MODULUS] * speed)
+        if model.form == 1 and soil[SHEAR_LAW] == 0.0:
+            # The mean of 1 - exp(-j/K) over the contact rises by a half of j/K at most.
+            stiffness /= 2.0
+        elif model.form == 3:
+            rise = curve_ratios(soil[CURVE:], 1e-3)[0] - curve_ratios(soil[CURVE:], 0.0)[0]
             stiffness = forces[j, 5] * rise / 1e-3 / speed
         shared += stiffness / model.mass
         fastest = max(fastest, stiffness * radius * radius / wheels[j, INERTIA])
         if model.mode == 0:
-            damping = model.soils[j, row, DAMPING] * wheels[j, WIDTH] * length
+            damping = soil[DAMPING] * wheels[j, WIDTH] * length
             if model.form == 2 and length > 0.0:
                 transit = max(abs(v), LEAST_TRANSIT_SPEED)
                 damping += forces[j, 5] / (transit * length / radius)
@@ -404,17 +403,17 @@ def integrate(t0, dt, y, torque, given, model, ruts, forces, work, every, states
             advance(t0 + k * dt, dt, y, torque, given, row, model, ruts, forces, work)
 
 
-@kernel
+@lean_kernel
 def _run(t0, dt, y, torque, given, model, ruts, forces, work, states, logged):
     integrate(t0, dt, y, torque, given, model, ruts, forces, work, 1, states, logged)
 
 
-@kernel
+@lean_kernel
 def _begin(y, torque, given, model, ruts, forces, work):
     derivative(0.0, y, torque, given, 0, 0.0, model, ruts, forces, work[0])
 
 
-@kernel
+@lean_kernel
 def _drive(
     t, dt, steps, y, command, shaft, keep, max_power, torque, given, model, ruts, forces, work
 ):
