@@ -309,7 +309,9 @@ def steps_for(dt, y, model, forces):
                 damping += forces[j, 5] / (transit * length / radius)
             fastest = max(fastest, damping * GRAVITY / wheels[j, STATIC_LOAD])
     # Stable up to 2.8; C is mostly half of its bound.
-    return max(1, math.ceil(dt * (fastest + shared) / 2.5))
+    if dt * (fastest + shared) <= 2.5:
+        return 1
+    return math.ceil(dt * (fastest + shared) / 2.5)
 
 
 @inlined
@@ -332,7 +334,9 @@ def advance(t, dt, y, torque, given, row, model, ruts, forces, work):
     slope, total, trial = work[0], work[1], work[2]
     wheels = model.wheels
     steps = steps_for(dt, y, model, forces)
-    h = dt / steps
+    h, per_step = dt, 1.0
+    if steps > 1:
+        h, per_step = dt / steps, 1.0 / steps
     for k in range(steps):
         x = y[DISTANCE]
         for stage in range(4):
@@ -342,7 +346,7 @@ def advance(t, dt, y, torque, given, row, model, ruts, forces, work):
                     trial[i] = y[i]
             if k > 0 or stage > 0:
                 derivative(
-                    t + (k + ahead) * h, trial, torque, given, row, (k + ahead) / steps, model,
+                    t + (k + ahead) * h, trial, torque, given, row, (k + ahead) * per_step, model,
                     ruts, forces, slope,
                 )  # fmt: skip
             if stage == 0:
@@ -357,7 +361,8 @@ def advance(t, dt, y, torque, given, row, model, ruts, forces, work):
                     trial[i] = y[i] + reach * slope[i]
         for i in range(y.size):
             y[i] += h / 6.0 * (total[i] + slope[i])
-        for j in range(wheels.shape[0]):
+        # The other forms take all soil for fresh.
+        for j in range(wheels.shape[0] if model.form == 2 else 0):
             place = wheels[j, POSITION]
             press_rut(
                 x + place, y[DISTANCE] + place, forces[j, 4], forces[j, 6], wheels[j, WIDTH],
