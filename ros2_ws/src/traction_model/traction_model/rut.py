@@ -87,7 +87,8 @@ def rut_at(x, track, ruts):
         return 0.0, 0.0, 0.0
     cells = ruts.depth.shape[1]
     place = x / CELL
-    first = math.floor(place)
+    # On a GPU floor gives a float; so does ceil.
+    first = int(math.floor(place))  # noqa: RUF046
     depth = 0.0
     shear = 0.0
     width = 0.0
@@ -123,8 +124,8 @@ def press_rut(x_from, x_to, depth, shear, width, track, ruts):
     if track < 0:
         return
     cells = ruts.depth.shape[1]
-    first = math.floor(min(x_from, x_to) / CELL)
-    last = math.floor(max(x_from, x_to) / CELL)
+    first = int(math.floor(min(x_from, x_to) / CELL))  # noqa: RUF046
+    last = int(math.floor(max(x_from, x_to) / CELL))  # noqa: RUF046
     if last > ruts.newest[track]:
         for cell in range(max(ruts.newest[track] + 1, last - cells + 1), last + 1):
             ruts.depth[track, cell % cells] = 0.0

@@ -28,9 +28,9 @@ from traction_model.contact import (
     sinkage_at,
 )
 from traction_model.empirical import curve_ratios
-from traction_model.kernel import inlined, kernel, lean_kernel
+from traction_model.kernel import inlined, lean_kernel
 from traction_model.rut import Ruts, fresh_ruts, press_rut
-from traction_model.slip import LEAST_SPEED, is_valid, slip
+from traction_model.slip import LEAST_SPEED, is_valid, slip, slips
 from traction_model.soil import COHESION, CURVE, DAMPING, SHEAR_LAW, SHEAR_MODULUS, TAN_PHI, Soil
 from traction_model.terrain import Terrain, soil_row
 from traction_model.vehicle import AIR_DENSITY, GRAVITY, Vehicle
@@ -311,7 +311,7 @@ def steps_for(dt, y, model, forces):
     # Stable up to 2.8; C is mostly half of its bound.
     if dt * (fastest + shared) <= 2.5:
         return 1
-    return math.ceil(dt * (fastest + shared) / 2.5)
+    return int(math.ceil(dt * (fastest + shared) / 2.5))  # noqa: RUF046
 
 
 @inlined
@@ -438,15 +438,6 @@ def _drive(
         advance(t + k * dt, dt, y, torque, given, 0, model, ruts, forces, work)
 
 
-@kernel
-def _slips(v, rims):
-    slips = np.empty(rims.shape)
-    for k in range(rims.shape[0]):
-        for j in range(rims.shape[1]):
-            slips[k, j] = slip(v[k], rims[k, j])
-    return slips
-
-
 @dataclass(frozen=True)
 class Trajectory:
     """A simulated motion; k samples, n wheels.
@@ -547,7 +538,7 @@ class Plant:
         self.step_size = step_size
         self._radii = np.array([wheel.radius for wheel in vehicle.wheels])
         self._terrain = _terrain(terrain)
-        self._model = _model(vehicle, terrain, form, sinkage, drawbar, multipass)
+        self._model = pack(vehicle, terrain, form, sinkage, drawbar, multipass)
         self._ruts = _fresh_ruts(vehicle)
         self.t = 0.0
         self.state = initial_state(vehicle, terrain, form)
@@ -773,7 +764,7 @@ def simulate(
         given = _with_rates(depth, dt)
     if not (math.isfinite(shear_step) and shear_step >= 0):
         raise ValueError(f'shear_step must be at least 0 s, got {shear_step}')
-    model = _model(vehicle, terrain, form, mode, drawbar, multipass, shear_step)
+    model = pack(vehicle, terrain, form, mode, drawbar, multipass, shear_step)
 
     radii = np.array([wheel.radius for wheel in vehicle.wheels])
     start = initial_state(vehicle, terrain, form)
@@ -807,7 +798,7 @@ def simulate(
         v=v,
         x=states[:, DISTANCE],
         omega=omega,
-        slip=_slips(v, omega * radii),
+        slip=slips(v, omega * radii),
         sinkage=forces[:, :, 4],
         load=forces[:, :, 0],
         thrust=forces[:, :, 1],
@@ -820,7 +811,7 @@ def _terrain(terrain: Terrain | Soil) -> Terrain:
     return Terrain(terrain) if isinstance(terrain, Soil) else terrain
 
 
-def _model(
+def pack(
     vehicle: Vehicle,
     terrain: Terrain | Soil,
     form: Form,
@@ -829,7 +820,25 @@ def _model(
     multipass: bool,
     shear_step: float = 0.0,
 ) -> Model:
-    """Pack everything that stays constant over a run."""
+    """Pack everything that stays constant over a run.
+
+    Parameters
+    ----------
+    vehicle, terrain, form, drawbar, multipass, shear_step
+        As in `simulate`; SI units.
+    sinkage : {'dynamic', 'equilibrium', 'given'}
+        How sinkage, m, is found.
+
+    Returns
+    -------
+    Model
+        The same, in SI units.
+
+    Raises
+    ------
+    ValueError
+        If sinkage is none of these, or the soils lack what the form needs.
+    """
     if sinkage not in SINKAGE_MODES:
         raise ValueError(f"sinkage must be 'dynamic', 'equilibrium' or samples, got {sinkage!r}")
     terrain = _terrain(terrain)
