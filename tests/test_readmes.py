@@ -50,8 +50,7 @@ def test_readme_lists_every_parameter(name):
 def test_readme_gives_the_defaults_that_are(name):
     package, node = NODES[name]
     text = (SOURCES / package / 'README.md').read_text()
-    start = text.find(f'### {name}')
-    section = text[max(start, 0) :]
+    section = text[re.search(rf'^##.*\b{name}\b', text, re.MULTILINE).start() :]
     for parameter in node.PARAMETERS:
         row = re.search(
             rf'^\| `{parameter.name}`( \*)? \| (?!in |out )(.*?) \|', section, re.MULTILINE

@@ -2,7 +2,7 @@
 
 import pytest
 
-from traction_model.soil import load_soil
+from traction_model.soil import COHESION, TAN_PHI, load_soil
 from traction_model.wheel import Wheel
 
 
@@ -14,9 +14,9 @@ def test_grousers_by_hand():
     assert smooth.grip == (1.0, 1.0)
     assert lugged.grip == pytest.approx((1.2, 1.094152), abs=1e-6)
     soil = load_soil('pavlov_sand')
-    ratio = lugged_over_smooth = soil.packed(lugged) / soil.packed(smooth)
-    assert lugged_over_smooth[2] == pytest.approx(1.2)  # cohesion
-    assert ratio[3] == pytest.approx(1.094152, abs=1e-6)  # tan(phi)
+    under_smooth, under_lugged = soil.packed(smooth), soil.packed(lugged)
+    assert under_lugged[COHESION] == pytest.approx(1.2 * under_smooth[COHESION])
+    assert under_lugged[TAN_PHI] == pytest.approx(1.094152 * under_smooth[TAN_PHI], rel=1e-6)
 
 
 def test_packed_wheel():

@@ -136,7 +136,7 @@ def read_chrono(path: str | Path, run: ChronoRun) -> ChronoRecording:
 
     def wheels(name: str) -> Array:
         if name in columns:  # a single wheel has no suffix
-            return columns[name][:, np.newaxis]
+            return np.asarray(columns[name][:, np.newaxis])
         return np.column_stack([columns[f'{name}_{wheel}'] for wheel in vehicle.wheel_names])
 
     try:

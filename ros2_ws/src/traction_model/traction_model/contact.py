@@ -24,7 +24,6 @@ from traction_model.elementary import exponential, power
 from traction_model.empirical import curve_ratios
 from traction_model.kernel import inlined, kernel, lean_kernel
 from traction_model.rut import fresh_ruts, rut_at
-from traction_model.slip import slip
 from traction_model.soil import (
     COHESION,
     CURVE,
@@ -92,9 +91,6 @@ LEAST_TRANSIT_SPEED = 0.05
 It bounds the shear displacement at standstill, where the stress integral has no limit.
 """
 
-HARDEST = 1e12
-"""Elastic modulus that stands for soil that does not spring back, Pa/m."""
-
 FREE = -1.0
 """In place of an imposed load, N: the soil carries what sinkage makes it carry."""
 
@@ -150,7 +146,7 @@ def mobilised(y, law, residual, hump):
     Returns
     -------
     float
-        g, dimensionless, 0 to 1.
+        g, dimensionless, 0 to 1; by Wong and Preston-Thomas up to 1.08.
     """
     if law == 0.0:
         return 1.0 - exponential(-y)
@@ -174,7 +170,7 @@ def mean_mobilised(y, soil):
     Returns
     -------
     float
-        ``1 - kappa``, dimensionless, 0 to 1.
+        ``1 - kappa``, dimensionless, 0 to 1; by Wong and Preston-Thomas up to 1.08.
     """
     deficit = shear_deficit(y)
     if soil[SHEAR_LAW] == 0.0:
@@ -189,6 +185,24 @@ def mean_mobilised(y, soil):
     fading = 2.0 * math.exp(-y) / (1.0 + math.exp(-2.0 * y))
     logarithm = y + math.log1p(math.exp(-2.0 * y)) - math.log(2.0)
     return residual * (logarithm + hump * (1.0 - fading)) / y
+
+
+@inlined
+def slip_along_path(v, rim):
+    """Slip that passes evenly through standstill, for the closed forms.
+
+    Parameters
+    ----------
+    v, rim : float
+        Speed of the centre and r*omega, m/s, forward positive.
+
+    Returns
+    -------
+    float
+        Slip, -1 to 1, along the path positive, whichever way the wheel goes.
+    """
+    slipping = (rim - v) / max(abs(v), abs(rim), LEAST_TRANSIT_SPEED)
+    return max(-1.0, min(1.0, slipping))
 
 
 @inlined
@@ -231,24 +245,52 @@ def plate_contact(form, v, omega, z, z_rate, soil, radius, width, imposed):
 
     # Fades out at standstill, where resistance has no direction.
     rolling = max(-1.0, min(1.0, v / LEAST_TRANSIT_SPEED))
+    rim = radius * omega
+    slipping = slip_along_path(v, rim)
     if form == 3:
-        # Along the path positive, and finite at standstill.
-        rim = radius * omega
-        slipping = (rim - v) / max(abs(v), abs(rim), LEAST_TRANSIT_SPEED)
         gross, drag = curve_ratios(soil[CURVE:], slipping)
         backward, _ = curve_ratios(soil[CURVE:], -slipping)
         thrust = load * ((1.0 + rolling) * gross - (1.0 - rolling) * backward) / 2.0
         return load, thrust, rolling * load * drag, radius * thrust
-    slipping = slip(v, radius * omega)
     y = abs(slipping) * length / soil[SHEAR_MODULUS]
     if form == 0:
         share = 1.0 - min(1.0, 1.0 / y) if y > 0.0 else 0.0
     else:
         share = mean_mobilised(y, soil)
-    direction = 1.0 if radius * omega >= v else -1.0
+    direction = 1.0 if rim >= v else -1.0
     thrust = direction * (soil[COHESION] * area + load * soil[TAN_PHI]) * share
     resistance = rolling * load * z / ((soil[N_EXP] + 1.0) * length)
     return load, thrust, resistance, radius * thrust
+
+
+@inlined
+def pressure(sunk, depth, surface, held, soil):
+    """Pressure of soil that may have been pressed before.
+
+    Parameters
+    ----------
+    sunk : float
+        How deep it is pressed now, m.
+    depth, surface : float
+        To which depth it was pressed before, 0 when fresh, and to which it sprang back, m.
+    held : float
+        Pressure at which it was left, Pa.
+    soil : ndarray, shape (17,)
+        A packed soil, SI units.
+
+    Returns
+    -------
+    float
+        Pa: along the elastic modulus up to the depth before, then along the pressure-sinkage
+        law. Where soil would spring back above the ground by its elastic modulus, along the
+        straight line from there.
+    """
+    fresh = soil[MODULUS] * power(max(sunk, 0.0), soil[N_EXP])
+    if sunk >= depth:
+        return fresh
+    if sunk <= surface:
+        return 0.0
+    return min(fresh, held * (sunk - surface) / (depth - surface))
 
 
 @inlined
@@ -270,8 +312,8 @@ def stresses(loading, reloading, law, part, motion, soil, rebound):
     soil : tuple of float
         k, n, D, elastic modulus, residual ratio, hump, 1/K; SI units.
     rebound : tuple of float
-        Surface of soil that was pressed before, m; pressure where the rim begins to rise, Pa,
-        and the angle at which it does, rad.
+        Surface of soil that was pressed before, m, and the slope of its elastic line, Pa/m;
+        pressure where the rim begins to rise, Pa, and the angle at which it does, rad.
 
     Returns
     -------
@@ -282,7 +324,7 @@ def stresses(loading, reloading, law, part, motion, soil, rebound):
     middle, span, swept_before, displacement = part
     z, z_rate, rim, v, radius, per_transit, shear_step = motion
     modulus, exponent, damping, elastic, residual, hump, per_shear = soil
-    surface, peak, leaving = rebound
+    surface, stiffness, peak, leaving = rebound
     sin_middle, cos_middle = math.sin(middle), math.cos(middle)
     sin_leaving, cos_leaving = math.sin(leaving), math.cos(leaving)
     load = 0.0
@@ -308,7 +350,7 @@ def stresses(loading, reloading, law, part, motion, soil, rebound):
             sunk = max(z - radius * (1.0 - cos_theta), 0.0)
             sigma = modulus * power(sunk, exponent)
             if reloading:
-                sigma = min(sigma, elastic * max(sunk - surface, 0.0))
+                sigma = min(sigma, stiffness * max(sunk - surface, 0.0))
             sigma += max(pressing, 0.0)
         else:
             turned = cos_theta * cos_leaving + sin_theta * sin_leaving
@@ -375,47 +417,18 @@ def one_way(v, omega, z, z_rate, side, x, soils, starts, radius, width, depth, s
     displacement : float
         Shear displacement of the soil as it is left, m.
     """
-    row = soil_row(x, starts)
-    edge = math.inf
-    beyond = row
-    if side > 0.0 and row + 1 < starts.size:
-        edge = starts[row + 1] - x
-        beyond = row + 1
-    elif side < 0.0 and row > 0:
-        edge = x - starts[row]
-        beyond = row - 1
-
-    modulus, exponent = soils[row, MODULUS], soils[row, N_EXP]
-    elastic_modulus = soils[row, ELASTIC_MODULUS]
-    springs = elastic_modulus < math.inf
-    surface = 0.0
-    if depth > 0.0:
-        surface = depth
-        if springs:
-            surface = max(surface - modulus * depth**exponent / elastic_modulus, 0.0)
-    if z <= surface:
-        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, shear
-
     transit = max(abs(v), LEAST_TRANSIT_SPEED)
     rim = radius * omega
-    entry = math.acos(max(0.0, 1.0 - (z - surface) / radius))
-    leaving = -math.atan(z_rate / transit)
-    leaving = max(-entry, min(entry, leaving))
-    exit = leaving
-    peak = 0.0
-    if springs:
-        deepest = z - radius * (1.0 - math.cos(leaving))
-        peak = modulus * max(deepest, 0.0) ** exponent
-        if depth > 0.0:
-            peak = min(peak, elastic_modulus * max(deepest - surface, 0.0))
-        # The rim rises from its deepest place by r*(1 - cos(theta - leaving))/cos(leaving).
-        rise = peak / elastic_modulus * math.cos(leaving) / radius
-        exit = max(leaving - math.acos(max(0.0, 1.0 - rise)), -math.pi / 2.0)
-    # Where rim and ground go at the same speed, where soil changes, and where soil that was
-    # pressed before yields again, stresses jump or have a kink.
-    ratio = v / rim if rim != 0.0 else 0.0
-    turning = math.acos(ratio) if 0.0 < ratio < 1.0 else math.pi
-    border = math.asin(edge / radius) if edge < radius else math.pi
+    # Where rim and ground go at the same speed, and where soil that was pressed before yields
+    # again, stresses jump or have a kink.
+    # Below `turning` either way the rim goes as it turns, beyond against the wheel's motion.
+    turning = math.pi
+    if rim == 0.0 or v / rim >= 1.0:
+        turning = -math.pi
+    elif v / rim > 0.0:
+        turning = math.acos(v / rim)
+    inner = 1.0 if rim > 0.0 else -1.0
+    outer = 1.0 if v < 0.0 else -1.0
     yields = math.acos(1.0 - (z - depth) / radius) if 0.0 < depth < z else math.pi
 
     load = 0.0
@@ -424,54 +437,77 @@ def one_way(v, omega, z, z_rate, side, x, soils, starts, radius, width, depth, s
     friction_moment = 0.0
     cohesion_moment = 0.0
     compaction = 0.0
-    displacement = shear
     motion = (z, z_rate, rim, v, radius, radius / transit, shear_step)
-    start = entry
-    # Antiderivative of the rim's speed over the ground, (rim*cos s - v)*cos s.
-    swept = rim * (start + math.sin(start) * math.cos(start)) / 2.0 - v * math.sin(start)
-    while start > exit:
-        stop = exit
-        for place in (turning, -turning, border, yields, leaving):
-            if stop < place < start:
-                stop = place
-        span = start - stop
-        middle = (start + stop) / 2.0
-        here = row
-        if radius * math.sin(middle) > edge:
-            here = beyond
-        direction = 1.0 if rim * math.cos(middle) > v else -1.0
-        law = soils[here, SHEAR_LAW]
-        loading = middle >= leaving
-        reloading = depth > 0.0 and springs
-        # Soil that does not spring carries nothing more where the rim rises.
-        elastic = soils[here, ELASTIC_MODULUS]
-        left = peak if elastic < math.inf else 0.0
-        part = (middle, span, swept, displacement)
-        stiffness = (
-            soils[here, MODULUS], soils[here, N_EXP], soils[here, DAMPING],
-            min(elastic, HARDEST), soils[here, RESIDUAL], soils[here, HUMP],
-            1.0 / soils[here, SHEAR_MODULUS],
+    before = shear
+    displacement = 0.0
+    # Soil by soil, as the wheel meets them.
+    rear = soil_row(x - radius, starts)
+    front = soil_row(x + radius, starts)
+    for turn in range(front - rear + 1):
+        row = front - turn if side > 0.0 else rear + turn
+        here = soils[row]
+        held = here[MODULUS] * depth ** here[N_EXP]
+        # Soil that was pressed before has sprung back.
+        surface = max(depth - held / here[ELASTIC_MODULUS], 0.0)
+        if z <= surface:
+            continue
+        before = shear * here[SHEAR_MEMORY]
+        start = math.acos(max(0.0, 1.0 - (z - surface) / radius))
+        leaving = max(-start, min(start, -math.atan(z_rate / transit)))
+        exit = leaving
+        peak = 0.0
+        if here[ELASTIC_MODULUS] < math.inf:
+            deepest = z - radius * (1.0 - math.cos(leaving))
+            peak = pressure(deepest, depth, surface, held, here)
+            # The rim rises from its deepest place by r*(1 - cos(theta - leaving))/cos(leaving).
+            rise = peak / here[ELASTIC_MODULUS] * math.cos(leaving) / radius
+            exit = max(leaving - math.acos(max(0.0, 1.0 - rise)), -math.pi / 2.0)
+        if front > rear:
+            begins = (starts[row] - x) / radius
+            ends = (starts[row + 1] - x) / radius if row < front else 1.0
+            if side < 0.0:
+                begins, ends = -ends, -begins
+            start = min(start, math.asin(max(-1.0, min(1.0, ends))))
+            exit = max(exit, math.asin(max(-1.0, min(1.0, begins))))
+        elastic_line = held / (depth - surface) if depth > surface else 0.0
+        rebound = (surface, elastic_line, peak, leaving)
+        stiffnesses = (
+            here[MODULUS], here[N_EXP], here[DAMPING], here[ELASTIC_MODULUS], here[RESIDUAL],
+            here[HUMP], 1.0 / here[SHEAR_MODULUS],
         )  # fmt: skip
-        rebound = (surface, left, leaving)
-        # What is known beforehand leaves loops without branches, which are twice as quick.
-        if law != 0.0:
-            sums = stresses(loading, reloading, law, part, motion, stiffness, rebound)
-        elif not loading:
-            sums = stresses(False, False, 0.0, part, motion, stiffness, rebound)
-        elif reloading:
-            sums = stresses(True, True, 0.0, part, motion, stiffness, rebound)
-        else:
-            sums = stresses(True, False, 0.0, part, motion, stiffness, rebound)
-        load += sums[0]
-        cohesion += direction * soils[here, COHESION] * sums[1]
-        friction += direction * soils[here, TAN_PHI] * sums[2]
-        cohesion_moment += direction * soils[here, COHESION] * sums[3]
-        friction_moment += direction * soils[here, TAN_PHI] * sums[4]
-        compaction += sums[5]
-        swept_before = swept
-        swept = rim * (stop + math.sin(stop) * math.cos(stop)) / 2.0 - v * math.sin(stop)
-        displacement += radius / transit * abs(swept_before - swept)
-        start = stop
+        # Antiderivative of the rim's speed over the ground, (rim*cos s - v)*cos s.
+        swept = rim * (start + math.sin(start) * math.cos(start)) / 2.0 - v * math.sin(start)
+        while start > exit:
+            stop = exit
+            for place in (turning, -turning, yields, -yields, leaving):
+                if stop < place < start:
+                    stop = place
+            span = start - stop
+            middle = (start + stop) / 2.0
+            direction = inner if abs(middle) < turning else outer
+            law = here[SHEAR_LAW]
+            loading = middle > leaving
+            reloading = z - radius * (1.0 - math.cos(middle)) < depth
+            part = (middle, span, swept, before + displacement)
+            # What is known beforehand leaves loops without branches, which are twice as quick.
+            if law != 0.0:
+                sums = stresses(loading, reloading, law, part, motion, stiffnesses, rebound)
+            elif not loading:
+                sums = stresses(False, False, 0.0, part, motion, stiffnesses, rebound)
+            elif reloading:
+                sums = stresses(True, True, 0.0, part, motion, stiffnesses, rebound)
+            else:
+                sums = stresses(True, False, 0.0, part, motion, stiffnesses, rebound)
+            load += sums[0]
+            cohesion += direction * here[COHESION] * sums[1]
+            friction += direction * here[TAN_PHI] * sums[2]
+            cohesion_moment += direction * here[COHESION] * sums[3]
+            friction_moment += direction * here[TAN_PHI] * sums[4]
+            compaction += sums[5]
+            swept_before = swept
+            swept = rim * (stop + math.sin(stop) * math.cos(stop)) / 2.0 - v * math.sin(stop)
+            displacement += radius / transit * abs(swept_before - swept)
+            start = stop
     element = width * radius
     # Soil ahead cannot turn a wheel that turns against the motion.
     rolling = max(0.0, min(1.0, 1.0 + rim / transit))
@@ -482,7 +518,7 @@ def one_way(v, omega, z, z_rate, side, x, soils, starts, radius, width, depth, s
         friction_moment * element,
         cohesion_moment * element,
         rolling * compaction * element,
-        displacement,
+        before + displacement,
     )
 
 
@@ -547,7 +583,7 @@ def arc_contact(
         # At standstill both sides count as fresh, or a wheel's own rut would let it roll back.
         moving = max(0.0, min(1.0, side * v / LEAST_TRANSIT_SPEED))
         depth *= moving
-        shear *= moving * soils[soil_row(x, starts), SHEAR_MEMORY]
+        shear *= moving
         in_rut = min(rut_width, width) if depth > 0.0 else 0.0
         for beside in range(2):
             strip = width - in_rut if beside else in_rut
@@ -572,6 +608,14 @@ def arc_contact(
         friction *= scale
         friction_moment *= scale
         compaction *= scale
+    # Harder soil on one side does not turn a wheel that stands, and soil that presses on one
+    # which turns against the motion gives back no more than shearing and sinking take.
+    rim = radius * omega
+    compaction *= min(1.0, max(abs(v), abs(rim)) / LEAST_TRANSIT_SPEED)
+    taken = (friction_moment + cohesion_moment) * rim - (friction + cohesion) * v
+    taken = max(taken + load * max(z_rate, 0.0), 0.0)
+    if -compaction * rim > taken:
+        compaction = -taken / rim
     resistance = compaction
     moment = radius * (friction_moment + cohesion_moment + compaction)
     return load, friction + cohesion + resistance, resistance, moment, left
@@ -600,7 +644,8 @@ def forces_at(
     radius, width : float
         r and b, m.
     track : int
-        Which rut it runs in, -1 for none; the closed forms take all soil for fresh.
+        Which rut it runs in, -1 for none; the closed forms take all soil for fresh, and for
+        that under the centre.
     ruts : Ruts
         What wheels have left so far.
     imposed : float

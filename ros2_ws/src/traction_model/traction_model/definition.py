@@ -1,6 +1,7 @@
 """Reading of definitions (soils, vehicles) from YAML with errors that name the culprit."""
 
 import difflib
+import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -99,9 +100,12 @@ def build(model: type[Model], content: Any, where: str) -> Model:
         return model.model_validate(content)
     except ValidationError as error:
         # A mistyped key is missing as well: the typing error is what to tell.
-        faults = error.errors()
+        faults = _of_likeliest_members(model, error.errors())
         fault = next((f for f in faults if f['type'] == 'extra_forbidden'), faults[0])
-        key = '.'.join(str(part) for part in fault['loc'])
+        members = _members(model, fault['loc'])
+        key = '.'.join(
+            str(part) for k, part in enumerate(fault['loc'], 1) if fault['loc'][:k] not in members
+        )
         reason = fault['msg'].replace('a valid tuple', 'a list').replace('Tuple', 'List')
         if fault['type'] == 'extra_forbidden':
             reason = 'unknown key' + closest(
@@ -118,16 +122,52 @@ def build(model: type[Model], content: Any, where: str) -> Model:
         raise DefinitionError(': '.join(filter(None, (where, key, reason)))) from error
 
 
+def _nested(annotation: Any) -> list[type[BaseModel]]:
+    """Models that a field's value may be of, or its elements."""
+    return [
+        candidate
+        for candidate in (annotation, *getattr(annotation, '__args__', ()))
+        if isinstance(candidate, type) and issubclass(candidate, BaseModel)
+    ]
+
+
+def _members(
+    model: type[BaseModel], location: tuple[int | str, ...]
+) -> dict[tuple[int | str, ...], type[BaseModel]]:
+    """Members of unions that a location passes.
+
+    It holds their names, or ``function-after[_check(), Name]`` where they check themselves.
+    """
+    members = {}
+    candidates = [model]
+    for k, part in enumerate(location, 1):
+        named = [c for c in candidates if re.search(rf'\b{c.__name__}\]*$', str(part))]
+        if named and len(candidates) > 1:
+            candidates = named
+            members[location[:k]] = named[0]
+        elif candidates and part in candidates[0].model_fields:
+            candidates = _nested(candidates[0].model_fields[str(part)].annotation)
+    return members
+
+
+def _of_likeliest_members(model: type[BaseModel], faults: list[Any]) -> list[Any]:
+    """Keep, of the faults of a union's members, those of the member with the fewest."""
+    counts: dict[tuple[int | str, ...], dict[tuple[int | str, ...], int]] = {}
+    for fault in faults:
+        for member in _members(model, fault['loc']):
+            union = counts.setdefault(member[:-1], {})
+            union[member] = union.get(member, 0) + 1
+    kept = {min(union, key=lambda member: union[member]) for union in counts.values()}
+    return [f for f in faults if all(m in kept for m in _members(model, f['loc']))]
+
+
 def _keys(model: type[BaseModel], location: tuple[int | str, ...]) -> Iterable[str]:
     """Keys of the model nested at a location of a validation error."""
-    for part in location:
-        if isinstance(part, int):
-            continue
-        annotation = model.model_fields[part].annotation
-        nested = [
-            candidate
-            for candidate in (annotation, *getattr(annotation, '__args__', ()))
-            if isinstance(candidate, type) and issubclass(candidate, BaseModel)
-        ]
-        model = nested[0]
+    members = _members(model, location)
+    for k, part in enumerate(location, 1):
+        if location[:k] in members:
+            model = members[location[:k]]
+        elif not isinstance(part, int):
+            # Of a union, its member comes next.
+            model = _nested(model.model_fields[part].annotation)[0]
     return model.model_fields

@@ -28,6 +28,7 @@ from traction_model.contact import (
     Form,
     check_form,
     forces_at,
+    slip_along_path,
 )
 from traction_model.coupling import Coupling, constraint_matrix
 from traction_model.definition import closest
@@ -555,7 +556,7 @@ class LpvModel:
         strength = np.where(z > 0, strength, 0.0)
         # Signed as the thrust is, which slip is not in reverse.
         rim = self._radius * omega
-        slipping = [math.copysign(slip(v, rim[j]), rim[j] - v) for j in wheels]
+        slipping = [slip_along_path(v, rim[j]) for j in wheels]
         values: dict[str, ArrayLike] = {
             'heading': max(-1.0, min(1.0, v / LEAST_TRANSIT_SPEED)),
             'sinkage_exponent': packed[:, N_EXP],

@@ -1,8 +1,8 @@
 """Ruts: what wheels leave in the soil for the wheels that come after them.
 
 Each track is a row of cells along the path. A cell keeps how deep the soil was pressed, the
-shear displacement it has seen, and how wide the rut is. A ring of cells follows the vehicle:
-soil that no wheel has touched, or that was left behind long ago, counts as fresh.
+shear displacement it has seen, and how wide the rut is. A ring of cells follows the vehicle
+either way: soil that no wheel has touched, or that was left behind long ago, counts as fresh.
 """
 
 import math
@@ -32,7 +32,7 @@ class Ruts(NamedTuple):
     width : ndarray, shape (m, k)
         m.
     newest : ndarray, shape (m,)
-        Number of the foremost cell that a wheel has reached, counted from the start.
+        Number of the foremost cell that is kept, counted from the start.
     """
 
     depth: NDArray[np.float64]
@@ -67,7 +67,7 @@ def fresh_ruts(tracks: int, length: float) -> Ruts:
 
 @inlined
 def rut_at(x, track, ruts):
-    """What wheels have left at a place, linear between cells.
+    """What wheels have left at a place, linear between cells, width weighed by depth.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def rut_at(x, track, ruts):
         return 0.0, 0.0, 0.0
     cells = ruts.depth.shape[1]
     place = x / CELL
-    # On a GPU floor gives a float; so does ceil.
+    # On a GPU floor and ceil give floats.
     first = int(math.floor(place))  # noqa: RUF046
     depth = 0.0
     shear = 0.0
@@ -98,13 +98,13 @@ def rut_at(x, track, ruts):
             row = cell % cells
             depth += share * ruts.depth[track, row]
             shear += share * ruts.shear[track, row]
-            width = max(width, ruts.width[track, row])
-    return depth, shear, width
+            width += share * ruts.depth[track, row] * ruts.width[track, row]
+    return depth, shear, width / depth if depth > 0.0 else 0.0
 
 
 @inlined
 def press_rut(x_from, x_to, depth, shear, width, track, ruts):
-    """Leave a rut along the way of a wheel.
+    """Leave a rut along the way of a wheel, a cell behind it: its own is none to it.
 
     Parameters
     ----------
@@ -124,14 +124,28 @@ def press_rut(x_from, x_to, depth, shear, width, track, ruts):
     if track < 0:
         return
     cells = ruts.depth.shape[1]
-    first = int(math.floor(min(x_from, x_to) / CELL))  # noqa: RUF046
-    last = int(math.floor(max(x_from, x_to) / CELL))  # noqa: RUF046
-    if last > ruts.newest[track]:
-        for cell in range(max(ruts.newest[track] + 1, last - cells + 1), last + 1):
-            ruts.depth[track, cell % cells] = 0.0
-            ruts.shear[track, cell % cells] = 0.0
-            ruts.width[track, cell % cells] = 0.0
+    if x_to >= x_from:
+        first = int(math.floor(x_from / CELL))  # noqa: RUF046
+        last = int(math.floor(x_to / CELL)) - 1  # noqa: RUF046
+    else:
+        first = int(math.ceil(x_to / CELL)) + 1  # noqa: RUF046
+        last = int(math.ceil(x_from / CELL))  # noqa: RUF046
+    if first > last:
+        return
+    newest = ruts.newest[track]
+    oldest = newest - cells + 1
+    if last > newest:
+        clear_from, clear_to = max(newest + 1, last - cells + 1), last
         ruts.newest[track] = last
+    elif first < oldest:
+        clear_from, clear_to = first, min(oldest, first + cells) - 1
+        ruts.newest[track] = first + cells - 1
+    else:
+        clear_from, clear_to = 0, -1
+    for cell in range(clear_from, clear_to + 1):
+        ruts.depth[track, cell % cells] = 0.0
+        ruts.shear[track, cell % cells] = 0.0
+        ruts.width[track, cell % cells] = 0.0
     for cell in range(max(first, ruts.newest[track] - cells + 1), last + 1):
         row = cell % cells
         ruts.depth[track, row] = max(ruts.depth[track, row], depth)

@@ -31,7 +31,17 @@ from traction_model.empirical import curve_ratios
 from traction_model.kernel import inlined, lean_kernel
 from traction_model.rut import Ruts, fresh_ruts, press_rut
 from traction_model.slip import LEAST_SPEED, is_valid, slip, slips
-from traction_model.soil import COHESION, CURVE, DAMPING, SHEAR_LAW, SHEAR_MODULUS, TAN_PHI, Soil
+from traction_model.soil import (
+    COHESION,
+    CURVE,
+    DAMPING,
+    HUMP,
+    RESIDUAL,
+    SHEAR_LAW,
+    SHEAR_MODULUS,
+    TAN_PHI,
+    Soil,
+)
 from traction_model.terrain import Terrain, soil_row
 from traction_model.vehicle import AIR_DENSITY, GRAVITY, Vehicle
 from traction_model.wheel import (
@@ -263,8 +273,9 @@ def steps_for(dt, y, model, forces):
     """Steps of Runge-Kutta 4 that a time takes: near standstill forces answer very quickly.
 
     The fastest rate is that of slip, ``C*(1/m + r^2/J)/(r*omega)`` (see `traction_model.lpv`),
-    with the slip stiffness C at most ``(c*A + N*tan(phi))*l/K``; or that of sinkage, which soil
-    resists by its damping D and, in the arc, by the contact that it gains behind the wheel.
+    with the slip stiffness C at most ``(c*A + N*tan(phi))*l/K``, more with a hump; or that of
+    sinkage, which soil resists by its damping D and, in the arc, by the contact that it gains
+    behind the wheel.
 
     Parameters
     ----------
@@ -294,10 +305,14 @@ def steps_for(dt, y, model, forces):
         strength = soil[COHESION] * wheels[j, WIDTH] * length + forces[j, 5] * soil[TAN_PHI]
         speed = max(abs(v), radius * abs(y[FIRST_WHEEL + j]), LEAST_TRANSIT_SPEED)
         stiffness = strength * length / (soil[SHEAR_MODULUS] * speed)
-        if model.form == 1 and soil[SHEAR_LAW] == 0.0:
+        # Laws with a hump rise more steeply than Janosi and Hanamoto's, of slope 1.
+        if soil[SHEAR_LAW] > 0.0:
+            steepness = math.e if soil[SHEAR_LAW] == 1.0 else 1.0
+            stiffness *= max(1.0, soil[RESIDUAL] * (1.0 + soil[HUMP] * steepness))
+        elif model.form == 1:
             # The mean of 1 - exp(-j/K) over the contact rises by a half of j/K at most.
             stiffness /= 2.0
-        elif model.form == 3:
+        if model.form == 3:
             rise = curve_ratios(soil[CURVE:], 1e-3)[0] - curve_ratios(soil[CURVE:], 0.0)[0]
             stiffness = forces[j, 5] * rise / 1e-3 / speed
         shared += stiffness / model.mass

@@ -40,7 +40,9 @@ class Soil(Definition):
     (Agriculture 2024, 14(3), 499, equations (17) to (21)), with g by `shear_law`:
 
     - ``janosi_hanamoto``: ``1 - exp(-j/K)``, strength is reached and kept;
-    - ``wong_preston_thomas``: a hump of 1 at ``j = K``, then down to `residual_ratio`;
+    - ``wong_preston_thomas``: ``R*(1 + h*exp(1 - j/K))*(1 - exp(-j/K))``, a hump that ends at
+      R, the `residual_ratio`, with h such that it is 1 at ``j = K``; its top is within 8 % of
+      1, at 0.7 to 1.7 times K;
     - ``kacigin_guskov``: ``tanh(j/K)*(1 + f/cosh(j/K))`` over its greatest value, with f such
       that it falls to `residual_ratio`: organic terrain.
 
