@@ -11,13 +11,14 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 from peers import Octave, Scipy, SolverError, closed_form, stress_integrals
 from problem import SAMPLE_TIME, Problem, recorded
 from rich.console import Console
 from rich.table import Table
 
-from traction_model import Drawbar, Form, Trajectory, simulate
+from traction_model import Drawbar, Form, Trajectory, simulate, simulate_batch
 
 DURATION = 10.0
 
@@ -26,6 +27,12 @@ REPEATS = 25
 
 PEER_TIME = 2.0
 """A peer runs again, at most `REPEATS` times in all, until it has had this time, s."""
+
+BATCH = 64
+
+BATCH_DURATION = 2.0
+
+BATCH_REPEATS = 5
 
 CLOSE = 1e-3
 """How far speeds may lie from the peer's, as a share of the greatest."""
@@ -64,7 +71,7 @@ def drive(problem: Problem, form: Form) -> Trajectory:
     """Ours."""
     return simulate(
         problem.vehicle, problem.soil, problem.torque, SAMPLE_TIME, form=form,
-        drawbar=problem.drawbar, v0=problem.v0, omega0=problem.omega0,
+        drawbar=problem.drawbar, multipass=False, v0=problem.v0, omega0=problem.omega0,
     )  # fmt: skip
 
 
@@ -123,24 +130,55 @@ def model_rows(console):
         ('four wheels, 24 points', tractor, arcs, None, None, []),
     ]
     for what, (bag, drawbar), (right_hand_side, form), real_time, target, more in runs:
-        for rolling in (False, True):
+        # The contact form's peer is written for wheels that roll.
+        for rolling in (False, True) if form == Form.BEKKER_WONG else (True,):
             problem = recorded(bag, drawbar, DURATION, rolling=rolling)
             title = f'{what}, {"rolling" if rolling else "from rest"}'
-            others = peers(right_hand_side, None if rolling else target) + more
-            wanted = None if rolling else real_time
+            others = peers(right_hand_side, target) + more
+            wanted = real_time
             yield from compare(title, problem, form, others, wanted, console)
+
+
+def batch_rows():
+    """Rows of many four-wheel vehicles, each on a soil of its own."""
+    tractor = recorded(
+        'tractor_sandy_loam', Drawbar(6000, 1500, 2.0), BATCH_DURATION, rolling=True
+    )
+    angles = np.linspace(0.9, 1.1, BATCH) * tractor.soil.friction_angle
+    soils = [tractor.soil.model_copy(update={'friction_angle': angle}) for angle in angles]
+    steps = BATCH * (len(tractor.torque) - 1) * len(tractor.vehicle.wheels)
+    cores = numba.get_num_threads()
+    runs = [('closed form', Form.BEKKER_WONG, 5e6), ('contact form in ruts', Form.CONTACT, 5e5)]
+    for what, form, target in runs:
+
+        def run(form=form):
+            simulate_batch(
+                tractor.vehicle, soils, tractor.torque, SAMPLE_TIME, form=form,
+                drawbars=tractor.drawbar, v0=tractor.v0,
+                every=len(tractor.torque) - 1,
+            )  # fmt: skip
+
+        for threads in (1, cores):
+            numba.set_num_threads(threads)
+            took = quickest(run, BATCH_REPEATS)
+            yield Row(
+                f'{BATCH} tractors, {what}', f'{took * 1e3:.0f} ms',
+                'wheel-steps/s on one core' if threads == 1 else f'the same on {threads} cores',
+                '', steps / took, target if threads == 1 else None,
+            )  # fmt: skip
 
 
 def main() -> int:
     """Entry point of ``make bench``."""
     console = Console()
-    rows = list(model_rows(console))
+    rows = [*model_rows(console), *batch_rows()]
     table = Table(title=f'{DURATION:.0f} s of torque at {1 / SAMPLE_TIME:.0f} Hz')
     for name in ('what', 'ours', 'peer', 'its time', 'ratio', 'target', 'difference', ''):
         table.add_column(name, justify='left' if name in ('what', 'peer', '') else 'right')
     for row in rows:
         table.add_row(
-            row.what, row.ours, row.peer, row.theirs, f'{row.ratio:,.1f}',
+            row.what, row.ours, row.peer, row.theirs,
+            f'{row.ratio:,.{1 if row.ratio < 1000 else 0}f}',
             '' if row.target is None else f'{row.target:,.0f}',
             '' if row.difference is None else f'{row.difference:.1e}',
             'met' if row.met else '[red]missed',

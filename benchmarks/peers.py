@@ -21,7 +21,7 @@ from problem import SAMPLE_TIME, Array, Problem
 from scipy.integrate import solve_ivp
 
 GRAVITY = 9.81
-FADE = 0.05  # m/s below which resistance and drawbar fade out
+FADE = 0.05  # m/s below which slip, resistance and drawbar fade out
 
 Motion = Callable[[float, Array], list[float] | Array]
 
@@ -62,7 +62,7 @@ def closed_form(problem: Problem) -> Motion:
                 area = b * length
                 N = area * (stiffness * z**n + D * max(z_rate, 0.0))
                 rim = r * omega
-                slip = (rim - v) / max(abs(rim), abs(v), 1e-300)
+                slip = (rim - v) / max(abs(rim), abs(v), FADE)
                 u = min(1.0, abs(slip)) * length / K
                 kappa = -math.expm1(-u) / u if u > 0.0 else 1.0
                 F = math.copysign((c * area + N * tan_phi) * (1.0 - kappa), slip)
@@ -108,7 +108,10 @@ def load_balance(problem: Problem) -> Callable[[float, float, float], Array]:
 
 
 def stress_integrals(problem: Problem, points: int = 24) -> Motion:
-    """The contact form: stresses at so many points of each arc, sinkage a state."""
+    """The contact form: stresses at so many points of each arc, sinkage a state.
+
+    For wheels that roll forward faster than `FADE` on fresh soil that does not spring back.
+    """
     soil, drawbar, vehicle = problem.soil, problem.drawbar, problem.vehicle
     r = np.array([wheel.radius for wheel in vehicle.wheels])
     b = np.array([wheel.width for wheel in vehicle.wheels])
@@ -118,11 +121,12 @@ def stress_integrals(problem: Problem, points: int = 24) -> Motion:
     tan_phi = math.tan(soil.friction_angle)
     nodes, weights = np.polynomial.legendre.leggauss(points // 2)
     nodes, weights = (nodes + 1.0) / 2.0, weights / 2.0
-    # From 0 to 1 over the part where the rim overtakes the ground, then over the rest, where
-    # points crowd towards the entry.
-    part = np.repeat([0.0, 1.0], points // 2)
-    fraction = np.concatenate([nodes, 1.0 - nodes**2])
-    weight = np.concatenate([weights, 2.0 * weights * nodes])
+    # Half of the points ahead of where the rim overtakes the ground, half behind; in both they
+    # crowd towards the front.
+    behind = np.repeat([False, True], points // 2)
+    fraction = np.tile(nodes**2, 2)
+    weight = np.tile(2.0 * weights * nodes, 2)
+    direction = np.where(behind, 1.0, -1.0)
     loads = load_balance(problem)
     carried = loads(0.0, 0.0, 0.0) / GRAVITY
     count = len(r)
@@ -133,40 +137,39 @@ def stress_integrals(problem: Problem, points: int = 24) -> Motion:
         v, omega = y[0], y[1 : 1 + count]
         z, z_rate = y[1 + count : 1 + 2 * count], y[1 + 2 * count :]
         rim = r * omega
-        transit = max(v, FADE)
-        cos_entry = np.maximum(0.0, 1.0 - np.maximum(z, 0.0) / r)
-        entry = np.arccos(cos_entry)
-        turn = np.arccos(np.minimum(1.0, v / np.maximum(rim, max(v, 1e-300))))
-        turn = np.minimum(entry, turn)
-        span = np.where(part, (entry - turn)[:, None], turn[:, None])
-        theta = np.where(part, turn[:, None], 0.0) + span * fraction
+        entry = np.arccos(np.maximum(0.0, 1.0 - np.maximum(z, 0.0) / r))
+        leaving = np.clip(-np.arctan(z_rate / v), -entry, entry)
+        turn = np.where(rim > v, np.arccos(np.minimum(1.0, v / np.maximum(rim, v))), leaving)
+        turn = np.clip(turn, leaving, entry)
+        front = np.where(behind, turn[:, None], entry[:, None])
+        span = front - np.where(behind, leaving[:, None], turn[:, None])
+        theta = front - span * fraction
         cos, sin = np.cos(theta), np.sin(theta)
-        depth = r[:, None] * np.maximum(cos - cos_entry[:, None], 0.0)
-        sigma = stiffness * depth**n
+        sunk = z[:, None] - r[:, None] * (1.0 - cos)
+        sigma = stiffness * np.maximum(sunk, 0.0) ** n
         sigma += D * np.maximum(z_rate[:, None] + rim[:, None] * sin, 0.0)
 
         def swept(s, sin_s, cos_s, rim):
             return rim * (s + sin_s * cos_s) / 2.0 - v * sin_s
 
-        whole = swept(entry, np.sin(entry), cos_entry, rim)[:, None]
+        whole = swept(entry, np.sin(entry), np.cos(entry), rim)[:, None]
         turned = swept(turn, np.sin(turn), np.cos(turn), rim)[:, None]
         here = swept(theta, sin, cos, rim[:, None])
-        path = np.where(part, here - whole, 2.0 * turned - whole - here)
-        shear = np.where(part, -1.0, 1.0) * (soil.cohesion + sigma * tan_phi)
-        shear *= -np.expm1(-np.maximum(path, 0.0) * r[:, None] / (transit * K))
+        path = np.where(behind, np.abs(whole - turned) + np.abs(turned - here), whole - here)
+        shear = direction * (soil.cohesion + sigma * tan_phi)
+        shear *= -np.expm1(-np.abs(path) * r[:, None] / (v * K))
         area = span * weight * cos * (b * r)[:, None]
         N = (sigma * area).sum(axis=1)
-        thrust = (shear * area).sum(axis=1)
-        R = min(1.0, v / transit) * (sigma * sin * area).sum(axis=1)
+        R = (sigma * sin * area).sum(axis=1)
+        net = (shear * area).sum(axis=1)
         M = r * ((shear * cos * area).sum(axis=1) + R)
 
         k = min(int(t / SAMPLE_TIME), last)
         torque = torques[k] + (t / SAMPLE_TIME - k) * (torques[k + 1] - torques[k])
         ramp = min(1.0, t / drawbar.ramp) if drawbar.ramp else 1.0
-        pull = max(-1.0, min(1.0, v / FADE)) * ramp
-        pull *= drawbar.pull + drawbar.pull_per_speed * abs(v)
-        acceleration = (thrust.sum() - pull) / vehicle.mass
-        load = loads(acceleration, pull, (torque - r * thrust).sum())
+        pull = ramp * (drawbar.pull + drawbar.pull_per_speed * v)
+        acceleration = (net.sum() - pull) / vehicle.mass
+        load = loads(acceleration, pull, (torque - r * net).sum())
         return np.concatenate([[acceleration], (torque - M) / J, z_rate, (load - N) / carried])
 
     return motion

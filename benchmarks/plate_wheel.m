@@ -11,7 +11,7 @@ function dy = motion(t, y, p, torque)
     l = sqrt((2 * p.r - z) * z);
     N = p.b * l * (p.k * z ^ p.n + p.D * max(z_rate, 0));
     rim = p.r * omega;
-    slip = (rim - v) / max([abs(rim), abs(v), 1e-300]);
+    slip = (rim - v) / max([abs(rim), abs(v), p.fade]);
     u = min(1, abs(slip)) * l / p.K;
     kappa = 1;
     if u > 0

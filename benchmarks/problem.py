@@ -74,7 +74,9 @@ def recorded(bag: str, drawbar: Drawbar, duration: float, *, rolling: bool) -> P
     times, torques, rims, starts = [], [], [], []
     with BagReader(BAGS / bag) as reader:
         vehicle = load_vehicle(reader.custom_data['vehicle'])
+        # Peers know no rebound.
         soil = load_soil(reader.custom_data['soil'])
+        soil = soil.model_copy(update={'elastic_modulus': None})
         for entry in reader.messages(['/wheel_torque', '/ground_truth/slip_estimate']):
             message = entry.message
             if entry.topic == '/wheel_torque':

@@ -131,7 +131,7 @@ SPOILT[7, 2] = math.nan
         ({'vehicles': [TRACTOR, RIG]}, 'run 0 has 4, run 1 has 1'),
         ({'vehicles': []}, 'vehicles is empty'),
         ({'torque': torques(3)}, r'torque must have shape \(samples, 4\)'),
-        ({'torque': torques(4)[0]}, r'torque must have shape \(samples, 4\)'),
+        ({'torque': torques(4)[0]}, r'torque must have shape \(samples, wheels\)'),
         ({'torque': torques(4)[:1]}, r'torque must have shape \(samples, 4\)'),
         ({'torque': SPOILT}, 'torque of run 0, wheel 2 is not finite at sample 7'),
         ({'dt': 0.05}, 'dt must be above 0 and at most 0.02 s'),

@@ -55,7 +55,7 @@ class Runs(NamedTuple):
     depth, shear, rut_width : ndarray, shape (b, tracks, cells)
         As in `Ruts`, m.
     newest : ndarray, shape (b, tracks)
-        As in `Ruts`.
+        Number of the foremost cell, as in `Ruts`.
     y : ndarray, shape (b, 2 + 3n)
         States, SI units, as in `traction_model.simulate.derivative`.
     forces : ndarray, shape (b, n, 7)
@@ -275,6 +275,11 @@ def _packed(
     torques = np.ascontiguousarray(torque, dtype=float)
     if torques.ndim == 2:
         torques = torques[None]
+    if torques.ndim != 3:
+        raise ValueError(
+            f'torque must have shape (samples, wheels) or (runs, samples, wheels), got '
+            f'{torques.shape}'
+        )
     speeds = np.atleast_1d(np.asarray(v0, dtype=float))
     given: dict[str, Sequence[Any]] = {
         'vehicles': [vehicles] if isinstance(vehicles, Vehicle) else list(vehicles),
@@ -296,7 +301,7 @@ def _packed(
                 f'vehicles of a batch have equally many wheels: run 0 has {n}, run {b} has '
                 f'{len(vehicle.wheels)}'
             )
-    if torques.ndim != 3 or torques.shape[2] != n or torques.shape[1] < 2:
+    if torques.shape[2] != n or torques.shape[1] < 2:
         raise ValueError(
             f'torque must have shape (samples, {n}) or (runs, samples, {n}), got '
             f'{np.shape(torque)}'

@@ -302,7 +302,7 @@ def stresses(loading, reloading, law, part, motion, soil, rebound):
     loading, reloading : bool
         Whether the soil is pressed down here, and whether along its elastic line.
     law : float
-        Shear law.
+        Number of the shear law.
     part : tuple of float
         Middle and length of the part, rad; at its front the antiderivative of the rim's speed
         over the ground, m/s, and the shear displacement, m.
