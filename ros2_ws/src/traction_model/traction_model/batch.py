@@ -6,7 +6,7 @@ Every run is what `traction_model.simulate.simulate` makes of it, by the same ke
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, TypeVar
+from typing import Any, Literal, NamedTuple
 
 import numba
 import numpy as np
@@ -32,7 +32,6 @@ from traction_model.vehicle import Vehicle
 from traction_model.wheel import STATIC_LOAD, TRACK
 
 Array = NDArray[np.float64]
-Thing = TypeVar('Thing')
 
 
 class Runs(NamedTuple):
@@ -281,7 +280,7 @@ def _packed(
             f'{torques.shape}'
         )
     speeds = np.atleast_1d(np.asarray(v0, dtype=float))
-    given: dict[str, Sequence[Any]] = {
+    given: dict[str, Any] = {
         'vehicles': [vehicles] if isinstance(vehicles, Vehicle) else list(vehicles),
         'terrains': [terrains] if isinstance(terrains, Terrain | Soil) else list(terrains),
         'drawbars': [drawbars] if isinstance(drawbars, Drawbar) else list(drawbars),
@@ -352,7 +351,7 @@ def _packed(
     )
 
 
-def _of_run(things: Sequence[Thing], b: int) -> Thing:
+def _of_run(things: Any, b: int) -> Any:
     return things[b if len(things) > 1 else 0]
 
 

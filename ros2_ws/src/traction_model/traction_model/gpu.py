@@ -74,7 +74,7 @@ def run_all(
     reason = missing()
     if reason:
         raise NoGpuError(reason)
-    on_gpu = Runs(*(cuda.to_device(x) if isinstance(x, np.ndarray) else x for x in runs))
+    on_gpu = Runs._make(cuda.to_device(x) if isinstance(x, np.ndarray) else x for x in runs)
     results = cuda.device_array(states.shape), cuda.device_array(logged.shape)
     count = len(runs.y)
     _kernel()[(count + THREADS - 1) // THREADS, THREADS](dt, every, on_gpu, *results)
