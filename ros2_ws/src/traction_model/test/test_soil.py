@@ -10,7 +10,16 @@ from scipy.integrate import quad
 
 from traction_model.contact import mean_mobilised, mobilised
 from traction_model.definition import DefinitionError
-from traction_model.soil import SHEAR_MODULUS, Soil, load_soil, preset_soils, read_soils
+from traction_model.soil import (
+    HUMP,
+    RESIDUAL,
+    SHEAR_LAW,
+    SHEAR_MODULUS,
+    Soil,
+    load_soil,
+    preset_soils,
+    read_soils,
+)
 from traction_model.wheel import Wheel
 
 # Wong, Terramechanics and Off-Road Vehicle Engineering, 2009, as tabulated in the open
@@ -188,10 +197,17 @@ def sheared(law, residual=None):
     return SAND.model_copy(update={'shear_law': law, 'residual_ratio': residual}).packed(WHEEL)
 
 
+def share_at(displacement, soil):
+    """What the soil's shear law mobilises at a shear displacement, m."""
+    return mobilised(
+        displacement / soil[SHEAR_MODULUS], soil[SHEAR_LAW], soil[RESIDUAL], soil[HUMP]
+    )
+
+
 def test_janosi_and_hanamotos_law():
     soil = sheared('janosi_hanamoto')
     for j in (0.0, 1e-9, 0.01, 0.02, 0.5):
-        assert mobilised(j, soil) == pytest.approx(1 - math.exp(-j / 0.02), rel=1e-6)
+        assert share_at(j, soil) == pytest.approx(1 - math.exp(-j / 0.02), rel=1e-6)
 
 
 @pytest.mark.parametrize('residual', [0.1, 0.4, 0.6, 0.9])
@@ -201,14 +217,14 @@ def test_wong_and_preston_thomass_law(residual):
     hump = 1 / (residual * (1 - 1 / math.e)) - 1
     for u in (0.0, 0.1, 0.5, 1.0, 3.0):
         expected = residual * (1 + hump * math.exp(1 - u)) * (1 - math.exp(-u))
-        assert mobilised(u * 0.02, soil) == pytest.approx(expected, rel=1e-9)
-    assert mobilised(0.0, soil) == 0.0
-    assert mobilised(0.02, soil) == pytest.approx(1.0)
-    assert mobilised(2.0, soil) == pytest.approx(residual)
+        assert share_at(u * 0.02, soil) == pytest.approx(expected, rel=1e-9)
+    assert share_at(0.0, soil) == 0.0
+    assert share_at(0.02, soil) == pytest.approx(1.0)
+    assert share_at(2.0, soil) == pytest.approx(residual)
     # The top lies near K and 1, not quite there: dg/du = 0 at exp(-u) = (h*e - 1)/(2*h*e).
     top = math.log(2 * hump * math.e / (hump * math.e - 1))
-    values = [mobilised(u * 0.02, soil) for u in np.linspace(0, 10, 5001)]
-    assert max(values) == pytest.approx(mobilised(top * 0.02, soil), rel=1e-6)
+    values = [share_at(u * 0.02, soil) for u in np.linspace(0, 10, 5001)]
+    assert max(values) == pytest.approx(share_at(top * 0.02, soil), rel=1e-6)
     assert 1.0 <= max(values) < 1.08
 
 
@@ -218,14 +234,14 @@ def test_kacigin_and_guskovs_law(residual):
     # given: the greatest value of g is 1.
     soil = sheared('kacigin_guskov', residual)
     # f from g at any one place: here at j = K.
-    f = (mobilised(0.02, soil) / residual / math.tanh(1) - 1) * math.cosh(1)
+    f = (share_at(0.02, soil) / residual / math.tanh(1) - 1) * math.cosh(1)
     for u in (0.0, 0.1, 0.5, 2.0, 5.0):
         expected = residual * math.tanh(u) * (1 + f / math.cosh(u))
-        assert mobilised(u * 0.02, soil) == pytest.approx(expected, rel=1e-9)
-    values = [mobilised(u * 0.02, soil) for u in np.linspace(0, 10, 20001)]
+        assert share_at(u * 0.02, soil) == pytest.approx(expected, rel=1e-9)
+    values = [share_at(u * 0.02, soil) for u in np.linspace(0, 10, 20001)]
     assert max(values) == pytest.approx(1.0, abs=1e-6)
-    assert mobilised(2.0, soil) == pytest.approx(residual)
-    assert mobilised(1e6, soil) == pytest.approx(residual)
+    assert share_at(2.0, soil) == pytest.approx(residual)
+    assert share_at(1e6, soil) == pytest.approx(residual)
 
 
 LAWS = st.one_of(
@@ -238,7 +254,7 @@ LAWS = st.one_of(
 @given(soil=LAWS, y=st.floats(1e-6, 60.0))
 def test_mean_of_what_is_mobilised(soil, y):
     expected = quad(
-        lambda u: mobilised(u * soil[SHEAR_MODULUS], soil), 0, y, epsrel=1e-10, limit=200
+        lambda u: share_at(u * soil[SHEAR_MODULUS], soil), 0, y, epsrel=1e-10, limit=200
     )[0]
     # Below y = 1e-4 the deficit's series leaves out y^2/6 = 2e-9, which humps multiply.
     assert mean_mobilised(y, soil) == pytest.approx(expected / y, rel=1e-6, abs=5e-8)
@@ -246,7 +262,7 @@ def test_mean_of_what_is_mobilised(soil, y):
 
 @given(soil=LAWS, j=st.floats(0.0, 1e6))
 def test_no_shear_law_leaves_its_bounds(soil, j):
-    assert 0.0 <= mobilised(j, soil) <= 1.08
+    assert 0.0 <= share_at(j, soil) <= 1.08
     assert 0.0 <= mean_mobilised(j / 0.02, soil) <= 1.08
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from traction_model.definition import Definition, DefinitionError, build
-from traction_model.kernel import kernel
+from traction_model.kernel import inlined
 from traction_model.soil import Soil, load_soil
 from traction_model.wheel import Wheel
 
@@ -164,7 +164,7 @@ def _yaml_rows(path: Path) -> list[tuple[str, dict[str, Any]]]:
     return [(f'{path}: entry {number}', row) for number, row in enumerate(content, 1)]
 
 
-@kernel
+@inlined
 def soil_row(x, starts):
     """Row of the soil at a place along the path.
 
