@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from traction_model.chrono import CHRONO_RUNS, read_chrono
+from traction_model.chrono import CHRONO_RUNS, SAMPLE_TIME, read_chrono
 from traction_model.contact import Form
 from traction_model.soil_bin import compare_sand_bed, rms
 from traction_model.terrain import Terrain
@@ -38,6 +38,7 @@ SAND_BED_LIMIT = 0.05
 
 FORMS = (Form.PAPER, Form.BEKKER_WONG, Form.CONTACT)
 HEADINGS = ('v max, m/s', 'v mean', 'ω max, rad/s', 'ω mean', 'slip max', 'slip mean')
+AVERAGED = 9  # samples, odd
 DIGITS = (3, 3, 3, 3, 4, 4)
 
 # What is taken away from the contact form, one at a time: (text, arguments of `follow`).
@@ -172,9 +173,13 @@ def chrono_section(recordings, motions, found):
     low = recordings['wheel_low_slip']
     fed, _ = motions['wheel_low_slip']
     first = len(low.t) - len(fed.t)
-    off = np.abs(fed.slip[:, 0] - slips_of(low)[first:, 0])
+    chronos = slips_of(low)[first:, 0]
+    off = np.abs(fed.slip[:, 0] - chronos)
     worst = int(off.argmax())
-    jumps = np.abs(np.diff(slips_of(low)[first:, 0]))
+    jumps = np.abs(np.diff(chronos))
+    averaged = np.convolve(chronos, np.full(AVERAGED, 1 / AVERAGED), 'valid')
+    half = AVERAGED // 2
+    smooth = np.abs(fed.slip[half:-half, 0] - averaged).max()
     headings = ('run', 'form', *HEADINGS)
     return {
         'fed': table(headings, fed_rows),
@@ -184,6 +189,10 @@ def chrono_section(recordings, motions, found):
         'offset': f'{1e3 * CONTACT_OFFSET:g}',
         'step': f'{1e3 * SHEAR_STEP:g}',
         'paper': table(headings, paper_rows),
+        'above': int((off > LIMITS['wheel_low_slip'].slip_max).sum()),
+        'samples': len(off),
+        'span': f'{1e3 * AVERAGED * SAMPLE_TIME:g}',
+        'smooth': f'{smooth:.4f}',
         'worst': f'{fed.t[worst]:.2f}',
         'jump': f'{jumps.max():.3f}',
         'jump99': f'{np.quantile(jumps, 0.99):.3f}',

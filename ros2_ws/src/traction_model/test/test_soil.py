@@ -2,10 +2,24 @@
 
 import math
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import quad
 
+from traction_model.contact import mean_mobilised, mobilised
 from traction_model.definition import DefinitionError
-from traction_model.soil import load_soil, preset_soils, read_soils
+from traction_model.soil import (
+    HUMP,
+    RESIDUAL,
+    SHEAR_LAW,
+    SHEAR_MODULUS,
+    Soil,
+    load_soil,
+    preset_soils,
+    read_soils,
+)
 from traction_model.wheel import Wheel
 
 # Wong, Terramechanics and Off-Road Vehicle Engineering, 2009, as tabulated in the open
@@ -22,6 +36,13 @@ PUBLISHED = {
     'snow_us': (196.72, 4.37, 1.6, 1.03, 19.7, 0.03),
     'snow_sweden': (66.08, 10.55, 1.44, 6.0, 20.7, 0.03),
 }
+
+
+def shear_share(j, soil):
+    """Share of the strength that a packed soil mobilises at a shear displacement in m."""
+    y = j / soil[SHEAR_MODULUS]
+    return mobilised(y, soil[SHEAR_LAW], soil[RESIDUAL], soil[HUMP])
+
 
 SOIL = """
 mine:
@@ -144,3 +165,155 @@ def test_file_without_a_soils_name(name):
         DefinitionError, match=rf"'{name}': say which soil of the file, as in file\.yaml:name"
     ):
         load_soil(name)
+
+
+WHEEL = Wheel(radius=0.5, width=0.4, inertia=20)
+SAND = preset_soils()['dry_sand']
+
+
+def test_bekkers_pressure_by_hand():
+    # k = k_c/b + k_phi = 990/0.4 + 1528430 = 1530905 N/m^3.1; n 1.1.
+    assert SAND.packed(WHEEL)[:2] == pytest.approx([1530905, 1.1])
+
+
+def test_bernsteins_pressure_by_hand():
+    # k*sqrt(z), whatever the width: 2e5*sqrt(0.04) = 4e4 Pa.
+    soil = Soil(
+        pressure_law='bernstein', frictional_modulus=2e5, cohesion=1e3, friction_angle=0.5,
+        shear_deformation_modulus=0.02,
+    )  # fmt: skip
+    modulus, exponent = soil.packed(WHEEL)[:2]
+    assert modulus * 0.04**exponent == pytest.approx(4e4)
+    assert soil.sinkage_modulus(0.1) == soil.sinkage_modulus(1.0)
+
+
+def test_reeces_pressure_by_hand():
+    # (c*k_c' + gamma*b*k_phi')*(z/b)^n: at z = b 1e3*20 + 15e3*0.4*50 = 3.2e5 Pa, at z = b/2
+    # 2^-0.8 = 0.574349 times that.
+    soil = Soil(
+        pressure_law='reece', cohesive_modulus=20, frictional_modulus=50, sinkage_exponent=0.8,
+        unit_weight=15e3, cohesion=1e3, friction_angle=0.5, shear_deformation_modulus=0.02,
+    )  # fmt: skip
+    modulus, exponent = soil.packed(WHEEL)[:2]
+    assert modulus * 0.4**exponent == pytest.approx(3.2e5)
+    assert modulus * 0.2**exponent == pytest.approx(3.2e5 * 0.574349, rel=1e-6)
+
+
+def sheared(law, residual=None):
+    """A soil by a shear law, packed, K = 0.02 m."""
+    return SAND.model_copy(update={'shear_law': law, 'residual_ratio': residual}).packed(WHEEL)
+
+
+def test_janosi_and_hanamotos_law():
+    soil = sheared('janosi_hanamoto')
+    for j in (0.0, 1e-9, 0.01, 0.02, 0.5):
+        assert shear_share(j, soil) == pytest.approx(1 - math.exp(-j / 0.02), rel=1e-6)
+
+
+@pytest.mark.parametrize('residual', [0.1, 0.4, 0.6, 0.9])
+def test_wong_and_preston_thomass_law(residual):
+    # Their curve: tau/tau_max = K_r*(1 + (1/(K_r*(1 - 1/e)) - 1)*exp(1 - j/K))*(1 - exp(-j/K)).
+    soil = sheared('wong_preston_thomas', residual)
+    hump = 1 / (residual * (1 - 1 / math.e)) - 1
+    for u in (0.0, 0.1, 0.5, 1.0, 3.0):
+        expected = residual * (1 + hump * math.exp(1 - u)) * (1 - math.exp(-u))
+        assert shear_share(u * 0.02, soil) == pytest.approx(expected, rel=1e-9)
+    assert shear_share(0.0, soil) == 0.0
+    assert shear_share(0.02, soil) == pytest.approx(1.0)
+    assert shear_share(2.0, soil) == pytest.approx(residual)
+    # The top lies near K and 1, not quite there: dg/du = 0 at exp(-u) = (h*e - 1)/(2*h*e).
+    top = math.log(2 * hump * math.e / (hump * math.e - 1))
+    values = [shear_share(u * 0.02, soil) for u in np.linspace(0, 10, 5001)]
+    assert max(values) == pytest.approx(shear_share(top * 0.02, soil), rel=1e-6)
+    assert 1.0 <= max(values) < 1.08
+
+
+@pytest.mark.parametrize('residual', [0.05, 0.4, 0.6, 0.95])
+def test_kacigin_and_guskovs_law(residual):
+    # tau/tau_residual = (1 + f/cosh(j/K))*tanh(j/K), f such that residual over greatest is as
+    # given: the greatest value of g is 1.
+    soil = sheared('kacigin_guskov', residual)
+    # f from g at any one place: here at j = K.
+    f = (shear_share(0.02, soil) / residual / math.tanh(1) - 1) * math.cosh(1)
+    for u in (0.0, 0.1, 0.5, 2.0, 5.0):
+        expected = residual * math.tanh(u) * (1 + f / math.cosh(u))
+        assert shear_share(u * 0.02, soil) == pytest.approx(expected, rel=1e-9)
+    values = [shear_share(u * 0.02, soil) for u in np.linspace(0, 10, 20001)]
+    assert max(values) == pytest.approx(1.0, abs=1e-6)
+    assert shear_share(2.0, soil) == pytest.approx(residual)
+    assert shear_share(1e6, soil) == pytest.approx(residual)
+
+
+LAWS = st.one_of(
+    st.just(sheared('janosi_hanamoto')),
+    st.floats(0.01, 0.99).map(lambda ratio: sheared('wong_preston_thomas', ratio)),
+    st.floats(0.01, 0.99).map(lambda ratio: sheared('kacigin_guskov', ratio)),
+)
+
+
+@given(soil=LAWS, y=st.floats(1e-6, 60.0))
+def test_mean_of_what_is_mobilised(soil, y):
+    expected = quad(
+        lambda u: shear_share(u * soil[SHEAR_MODULUS], soil), 0, y, epsrel=1e-10, limit=200
+    )[0]
+    # Below y = 1e-4 the deficit's series leaves out y^2/6 = 2e-9, which humps multiply.
+    assert mean_mobilised(y, soil) == pytest.approx(expected / y, rel=1e-6, abs=5e-8)
+
+
+@given(soil=LAWS, j=st.floats(0.0, 1e6))
+def test_no_shear_law_leaves_its_bounds(soil, j):
+    assert 0.0 <= shear_share(j, soil) <= 1.08
+    assert 0.0 <= mean_mobilised(j / 0.02, soil) <= 1.08
+
+
+HUMPED = SOIL + '  shear_law: wong_preston_thomas\n  residual_ratio: 0.6\n'
+
+
+@pytest.mark.parametrize(
+    ('text', 'reason'),
+    [
+        (SOIL + '  residual_ratio: 0.6\n', 'residual_ratio goes with the shear_law wong_preston'),
+        (HUMPED.replace('  residual_ratio: 0.6\n', ''), 'residual_ratio goes with the shear_law'),
+        (HUMPED.replace('0.6', '1'), 'residual_ratio: Input should be less than 1, got 1'),
+        (HUMPED.replace('wong_', 'wonk_'), "shear_law: Input should be 'janosi_hanamoto', 'wong"),
+        (SOIL + '  unit_weight: 15000\n', 'unit_weight goes with the pressure_law reece'),
+        (SOIL + '  pressure_law: reece\n', 'unit_weight goes with the pressure_law reece'),
+        (SOIL + '  pressure_law: bernstein\n', 'bernstein takes frictional_modulus only'),
+        (
+            SOIL.replace('  sinkage_exponent: 1.1\n', ''),
+            'sinkage_exponent is missing: bekker needs it',
+        ),
+        (SOIL + '  elastic_modulus: 0\n', 'elastic_modulus: Input should be greater than 0'),
+        (SOIL + '  shear_memory: 1.5\n', 'shear_memory: Input should be less than or equal to 1'),
+        # A curve is one of three: errors are those of the one that was meant.
+        (
+            SOIL + '  traction_curve: {mobilty_number: 30}\n',
+            "traction_curve.mobilty_number: unknown key; did you mean 'mobility_number'?",
+        ),
+        (
+            SOIL + '  traction_curve: {c1: 0.6, c2: 12, c33: 0.1}\n',
+            "traction_curve.c33: unknown key; did you mean 'c3'?",
+        ),
+        (SOIL + '  traction_curve: {c1: 0.6, c2: 12}\n', 'traction_curve.c3: missing'),
+        (
+            SOIL + '  traction_curve: {c1: 0.6, c2: 12, c3: 5}\n',
+            'traction_curve: c3 is 5.0, above',
+        ),
+        (
+            SOIL + '  traction_curve: {mobility_number: -3}\n',
+            'traction_curve.mobility_number: Input should be greater than 0, got -3',
+        ),
+        (SOIL + '  traction_curve: firm\n', 'traction_curve: Input should be a valid dictionary'),
+    ],
+)
+def test_laws_that_do_not_fit_their_parameters(tmp_path, text, reason):
+    said = refusal(tmp_path, text)
+    assert said.startswith(f'{tmp_path / "soils.yaml"}: mine: ')
+    assert reason in said
+
+
+def test_laws_from_a_file(tmp_path):
+    path = soil_file(tmp_path, HUMPED + '  traction_curve: {mobility_number: 30}\n')
+    soil = load_soil(f'{path}:mine')
+    assert (soil.shear_law, soil.residual_ratio) == ('wong_preston_thomas', 0.6)
+    assert soil.traction_curve.mobility_number == 30

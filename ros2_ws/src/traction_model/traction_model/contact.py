@@ -600,7 +600,8 @@ def arc_contact(
             cohesion += weight * side * part[2]
             friction_moment += weight * side * part[3]
             cohesion_moment += weight * side * part[4]
-            compaction += weight * side * part[5]
+            # Harder soil on one side does not turn a wheel that stands.
+            compaction += moving * side * part[5]
             left = max(left, part[6])
     if imposed >= 0.0 and load > 0.0:
         scale = imposed / load
@@ -608,10 +609,9 @@ def arc_contact(
         friction *= scale
         friction_moment *= scale
         compaction *= scale
-    # Harder soil on one side does not turn a wheel that stands, and soil that presses on one
-    # which turns against the motion gives back no more than shearing and sinking take.
+    # Soil that presses on a wheel which turns against the motion gives back no more than
+    # shearing and sinking take.
     rim = radius * omega
-    compaction *= min(1.0, max(abs(v), abs(rim)) / LEAST_TRANSIT_SPEED)
     taken = (friction_moment + cohesion_moment) * rim - (friction + cohesion) * v
     taken = max(taken + load * max(z_rate, 0.0), 0.0)
     if -compaction * rim > taken:
