@@ -193,7 +193,8 @@ def motion(of, form, soil, v, omega, z, z_rate, torque, pull):
     forces = np.zeros((n, 7))
     rates = np.empty_like(state)
     torques, given = np.stack([torque, torque]), np.zeros((2, 3, n))
-    derivative(0.0, state, torques, given, 0, 0.0, model, UNTOUCHED, forces, rates)
+    choice = model.wheels.shape[0], model.form, model.mode
+    derivative(0.0, state, torques, given, 0, 0.0, model, UNTOUCHED, forces, rates, *choice)
     return rates[0], rates[2 : 2 + n]
 
 
@@ -278,7 +279,10 @@ def test_a_known_load_is_imposed_as_the_simulation_does(state, form):
         start = np.concatenate([[v, 0.0], omega, np.zeros(2 * n)])
         torques, sinkages = np.stack([torque, torque]), np.stack([given, given])
         rates = np.empty_like(start)
-        derivative(0.0, start, torques, sinkages, 0, 0.0, nonlinear, UNTOUCHED, found, rates)
+        choice = nonlinear.wheels.shape[0], nonlinear.form, nonlinear.mode
+        derivative(
+            0.0, start, torques, sinkages, 0, 0.0, nonlinear, UNTOUCHED, found, rates, *choice
+        )
         expected, omega_rate = rates[0], rates[2 : 2 + n]
         if state == 'speed':
             expected = [expected, *omega_rate]

@@ -115,7 +115,7 @@ def run_one(b, dt, every, runs, states, logged):
     torque = runs.torque[b if runs.torque.shape[0] > 1 else 0]
     integrate(
         0.0, dt, runs.y[b], torque, runs.given, model, ruts, runs.forces[b], runs.work[b], every,
-        states[b], logged[b],
+        states[b], logged[b], runs.wheels.shape[1], runs.form, runs.mode,
     )  # fmt: skip
 
 

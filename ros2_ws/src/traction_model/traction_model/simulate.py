@@ -162,7 +162,7 @@ def drawbar_force(t, v, model):
 
 
 @inlined
-def derivative(t, y, torque, given, row, share, model, ruts, forces, slope):
+def derivative(t, y, torque, given, row, share, model, ruts, forces, slope, n, form, mode):
     """Rate of change of the state, and the forces that cause it.
 
     Parameters
@@ -190,10 +190,12 @@ def derivative(t, y, torque, given, row, share, model, ruts, forces, slope):
         force N, N, and the shear displacement of the soil as it is left, m.
     slope : ndarray, shape (2 + 3n,)
         Out: rate of change of `y` in SI units per second.
+    n, form, mode : int
+        Number of wheels, `Form`, and entry of `SINKAGE_MODES`: the model's, on their own so that
+        they may be known when a run is compiled.
     """
-    form, mode, mass = model.form, model.mode, model.mass
+    mass = model.mass
     wheels = model.wheels
-    n = wheels.shape[0]
     v = y[SPEED]
     pull = drawbar_force(t, v, model)
     drag = model.drag * v * abs(v)
@@ -269,7 +271,7 @@ def derivative(t, y, torque, given, row, share, model, ruts, forces, slope):
 
 
 @inlined
-def steps_for(dt, y, model, forces):
+def steps_for(dt, y, model, forces, n, form, mode):
     """Steps of Runge-Kutta 4 that a time takes: near standstill forces answer very quickly.
 
     The fastest rate is that of slip, ``C*(1/m + r^2/J)/(r*omega)`` (see `traction_model.lpv`),
@@ -287,6 +289,8 @@ def steps_for(dt, y, model, forces):
         What does not change, SI units.
     forces : ndarray, shape (n, 7)
         Sinkages, m, and upward forces, N, in columns 4 and 5, see `derivative`.
+    n, form, mode : int
+        See `derivative`; number of wheels.
 
     Returns
     -------
@@ -294,7 +298,6 @@ def steps_for(dt, y, model, forces):
         Number of steps, at least 1.
     """
     wheels = model.wheels
-    n = wheels.shape[0]
     v = y[SPEED]
     shared = 0.0
     fastest = 0.0
@@ -309,17 +312,17 @@ def steps_for(dt, y, model, forces):
         if soil[SHEAR_LAW] > 0.0:
             steepness = math.e if soil[SHEAR_LAW] == 1.0 else 1.0
             stiffness *= max(1.0, soil[RESIDUAL] * (1.0 + soil[HUMP] * steepness))
-        elif model.form == 1:
+        elif form == 1:
             # The mean of 1 - exp(-j/K) over the contact rises by a half of j/K at most.
             stiffness /= 2.0
-        if model.form == 3:
+        if form == 3:
             rise = curve_ratios(soil[CURVE:], 1e-3)[0] - curve_ratios(soil[CURVE:], 0.0)[0]
             stiffness = forces[j, 5] * rise / 1e-3 / speed
         shared += stiffness / model.mass
         fastest = max(fastest, stiffness * radius * radius / wheels[j, INERTIA])
-        if model.mode == 0:
+        if mode == 0:
             damping = soil[DAMPING] * wheels[j, WIDTH] * length
-            if model.form == 2 and length > 0.0:
+            if form == 2 and length > 0.0:
                 transit = max(abs(v), LEAST_TRANSIT_SPEED)
                 damping += forces[j, 5] / (transit * length / radius)
             fastest = max(fastest, damping * GRAVITY / wheels[j, STATIC_LOAD])
@@ -330,7 +333,7 @@ def steps_for(dt, y, model, forces):
 
 
 @inlined
-def advance(t, dt, y, torque, given, row, model, ruts, forces, work):
+def advance(t, dt, y, torque, given, row, model, ruts, forces, work, n, form, mode):
     """Advance the state from one sample to the next by Runge-Kutta 4, and leave ruts.
 
     Parameters
@@ -345,10 +348,12 @@ def advance(t, dt, y, torque, given, row, model, ruts, forces, work):
         What wheels have left so far; changed in place.
     work : ndarray, shape (3, 2 + 3n)
         In: the derivative at the start in its first row, SI units per second.
+    n, form, mode : int
+        See `derivative`; number of wheels.
     """
     slope, total, trial = work[0], work[1], work[2]
     wheels = model.wheels
-    steps = steps_for(dt, y, model, forces)
+    steps = steps_for(dt, y, model, forces, n, form, mode)
     h, per_step = dt, 1.0
     if steps > 1:
         h, per_step = dt / steps, 1.0 / steps
@@ -357,27 +362,27 @@ def advance(t, dt, y, torque, given, row, model, ruts, forces, work):
         for stage in range(4):
             ahead = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
             if stage == 0:
-                for i in range(y.size):
+                for i in range(2 + 3 * n):
                     trial[i] = y[i]
             if k > 0 or stage > 0:
                 derivative(
                     t + (k + ahead) * h, trial, torque, given, row, (k + ahead) * per_step, model,
-                    ruts, forces, slope,
+                    ruts, forces, slope, n, form, mode,
                 )  # fmt: skip
             if stage == 0:
-                for i in range(y.size):
+                for i in range(2 + 3 * n):
                     total[i] = slope[i]
                     trial[i] = y[i] + 0.5 * h * slope[i]
             elif stage < 3:
                 # To the middle once more, then to the end.
                 reach = 0.5 * h if stage == 1 else h
-                for i in range(y.size):
+                for i in range(2 + 3 * n):
                     total[i] += 2.0 * slope[i]
                     trial[i] = y[i] + reach * slope[i]
-        for i in range(y.size):
+        for i in range(2 + 3 * n):
             y[i] += h / 6.0 * (total[i] + slope[i])
         # The other forms take all soil for fresh.
-        for j in range(wheels.shape[0] if model.form == 2 else 0):
+        for j in range(n if form == 2 else 0):
             place = wheels[j, POSITION]
             press_rut(
                 x + place, y[DISTANCE] + place, forces[j, 4], forces[j, 6], wheels[j, WIDTH],
@@ -386,7 +391,9 @@ def advance(t, dt, y, torque, given, row, model, ruts, forces, work):
 
 
 @inlined
-def integrate(t0, dt, y, torque, given, model, ruts, forces, work, every, states, logged):
+def integrate(
+    t0, dt, y, torque, given, model, ruts, forces, work, every, states, logged, n, form, mode
+):
     """Integrate a run through all samples of torque.
 
     Parameters
@@ -405,32 +412,69 @@ def integrate(t0, dt, y, torque, given, model, ruts, forces, work, every, states
         Out: states at the samples kept, SI units.
     logged : ndarray, shape (m, n, 7)
         Out: forces at the samples kept, SI units.
+    n, form, mode : int
+        See `derivative`; number of wheels.
     """
     last = torque.shape[0] - 1
     for k in range(last + 1):
         row = min(k, last - 1)
         derivative(
-            t0 + k * dt, y, torque, given, row, float(k - row), model, ruts, forces, work[0]
+            t0 + k * dt,
+            y,
+            torque,
+            given,
+            row,
+            float(k - row),
+            model,
+            ruts,
+            forces,
+            work[0],
+            n,
+            form,
+            mode,
         )
         if k % every == 0:
             kept = k // every
-            for i in range(y.size):
+            for i in range(2 + 3 * n):
                 states[kept, i] = y[i]
-            for j in range(forces.shape[0]):
-                for i in range(forces.shape[1]):
+            for j in range(n):
+                for i in range(7):
                     logged[kept, j, i] = forces[j, i]
         if k < last:
-            advance(t0 + k * dt, dt, y, torque, given, row, model, ruts, forces, work)
+            advance(
+                t0 + k * dt, dt, y, torque, given, row, model, ruts, forces, work, n, form, mode
+            )
 
 
 @lean_kernel
 def _run(t0, dt, y, torque, given, model, ruts, forces, work, states, logged):
-    integrate(t0, dt, y, torque, given, model, ruts, forces, work, 1, states, logged)
+    n, form, mode = model.wheels.shape[0], model.form, model.mode
+    if n == 1 and form == 1 and mode == 0:
+        # What is known when it is compiled leaves loops and branches out: a fifth of the time.
+        integrate(t0, dt, y, torque, given, model, ruts, forces, work, 1, states, logged, 1, 1, 0)
+    else:
+        integrate(
+            t0, dt, y, torque, given, model, ruts, forces, work, 1, states, logged, n, form, mode
+        )
 
 
 @lean_kernel
 def _begin(y, torque, given, model, ruts, forces, work):
-    derivative(0.0, y, torque, given, 0, 0.0, model, ruts, forces, work[0])
+    derivative(
+        0.0,
+        y,
+        torque,
+        given,
+        0,
+        0.0,
+        model,
+        ruts,
+        forces,
+        work[0],
+        model.wheels.shape[0],
+        model.form,
+        model.mode,
+    )
 
 
 @lean_kernel
@@ -449,8 +493,36 @@ def _drive(
             torque[0, j] = shaft[j] if keep > 0.0 else target
             shaft[j] = target + (torque[0, j] - target) * keep
             torque[1, j] = shaft[j]
-        derivative(t + k * dt, y, torque, given, 0, 0.0, model, ruts, forces, work[0])
-        advance(t + k * dt, dt, y, torque, given, 0, model, ruts, forces, work)
+        derivative(
+            t + k * dt,
+            y,
+            torque,
+            given,
+            0,
+            0.0,
+            model,
+            ruts,
+            forces,
+            work[0],
+            model.wheels.shape[0],
+            model.form,
+            model.mode,
+        )
+        advance(
+            t + k * dt,
+            dt,
+            y,
+            torque,
+            given,
+            0,
+            model,
+            ruts,
+            forces,
+            work,
+            model.wheels.shape[0],
+            model.form,
+            model.mode,
+        )
 
 
 @dataclass(frozen=True)
