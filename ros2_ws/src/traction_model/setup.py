@@ -13,8 +13,8 @@ setup(
         ('share/' + package_name + '/config', ['config/plant.yaml']),
     ],
     install_requires=['numba', 'numpy', 'pydantic>=2', 'pyyaml', 'scipy'],
-    # LpvModel.to_control.
-    extras_require={'control': ['control']},
+    # LpvModel.to_control; simulate_batch(device='gpu').
+    extras_require={'control': ['control'], 'gpu': ['numba-cuda[cu12]']},
     zip_safe=False,
     maintainer='Traction-control suite maintainers',
     maintainer_email='maintainers@traction-control-suite.org',

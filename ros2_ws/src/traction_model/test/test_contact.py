@@ -20,6 +20,7 @@ from traction_model.contact import (
     forces_at,
     plate_contact,
     shear_deficit,
+    sinkage_at,
 )
 from traction_model.empirical import Brixius, Burckhardt, Pacejka
 from traction_model.rut import fresh_ruts, press_rut
@@ -498,3 +499,23 @@ def test_equilibrium_by_hand():
 def test_equilibrium_of_nothing_and_of_too_much():
     assert equilibrium_sinkage(2, 1.0, 2.0, 0.0, SAND, RADIUS, WIDTH) == 0.0
     assert equilibrium_sinkage(2, 0.0, 0.0, 1e9, SAND, RADIUS, WIDTH) == RADIUS
+
+
+@pytest.mark.parametrize('form', [Form.BEKKER_WONG, Form.CONTACT])
+def test_sinkage_does_not_depend_on_where_the_search_begins(form):
+    # A rut 0.08 m deep carries nothing down to its bottom: the search has to cross that.
+    ruts = fresh_ruts(1, 2.0)
+    press_rut(-1.0, 1.0, 0.08, 0.0, WIDTH, 0, ruts)
+    soils = SAND.reshape(1, -1)
+    for load in (10.0, 4905.0, 1.5e4):
+        for track in (-1, 0):
+            place = (0.0, soils, EVERYWHERE, RADIUS, WIDTH, track, ruts)
+            found = [
+                sinkage_at(int(form), 1.0, 2.5, load, *place, guess)
+                for guess in (0.0, 1e-6, 0.05, 0.079, 0.3, 0.4999, RADIUS, 1.0)
+            ]
+            assert found == pytest.approx([found[0]] * len(found), rel=1e-6)
+            carried = forces_at(
+                int(form), 1.0, 2.5, found[0], 0.0, *place, FREE, 0.0
+            )[0]  # fmt: skip
+            assert carried == pytest.approx(load, rel=1e-6)

@@ -21,7 +21,7 @@ from traction_model.lpv import (
     wheel_speed,
 )
 from traction_model.lpv_representation import AffineModel, GridModel
-from traction_model.simulate import Drawbar, _model, derivative, simulate
+from traction_model.simulate import Drawbar, derivative, pack, simulate
 from traction_model.soil import Soil, load_soil, preset_soils
 from traction_model.vehicle import Axle, Vehicle, load_vehicle
 from traction_model.wheel import Wheel
@@ -188,10 +188,12 @@ def radii(of):
 def motion(of, form, soil, v, omega, z, z_rate, torque, pull):
     """v' and omega' by the nonlinear equations of the simulation, on fresh soil."""
     n = len(of.wheels)
-    model = _model(of, soil, form, 'dynamic', Drawbar(pull=pull), multipass=False)
+    model = pack(of, soil, form, 'dynamic', Drawbar(pull=pull), multipass=False)
     state = np.concatenate([[v, 0.0], omega, z, z_rate])
     forces = np.zeros((n, 7))
-    rates = derivative(0.0, state, torque, np.zeros((3, n)), model, UNTOUCHED, forces)
+    rates = np.empty_like(state)
+    torques, given = np.stack([torque, torque]), np.zeros((2, 3, n))
+    derivative(0.0, state, torques, given, 0, 0.0, model, UNTOUCHED, forces, rates)
     return rates[0], rates[2 : 2 + n]
 
 
@@ -266,7 +268,7 @@ def test_a_known_load_is_imposed_as_the_simulation_does(state, form):
     random = np.random.default_rng(5)
     of, n = vehicle(4), 4
     model = LpvModel(of, form, state=state)
-    nonlinear = _model(of, SOILS['peat'], form, 'given', Drawbar(), multipass=False)
+    nonlinear = pack(of, SOILS['peat'], form, 'given', Drawbar(), multipass=False)
     for _ in range(20):
         v, slip = random.uniform(0.2, 4), random.uniform(0.02, 0.6, n)
         omega = wheel_speed(v, slip, radii(of))
@@ -274,7 +276,9 @@ def test_a_known_load_is_imposed_as_the_simulation_does(state, form):
         torque, found = random.uniform(0, 3000, n), np.zeros((n, 7))
         found[:, 0] = of.static_loads()
         start = np.concatenate([[v, 0.0], omega, np.zeros(2 * n)])
-        rates = derivative(0.0, start, torque, given, nonlinear, UNTOUCHED, found)
+        torques, sinkages = np.stack([torque, torque]), np.stack([given, given])
+        rates = np.empty_like(start)
+        derivative(0.0, start, torques, sinkages, 0, 0.0, nonlinear, UNTOUCHED, found, rates)
         expected, omega_rate = rates[0], rates[2 : 2 + n]
         if state == 'speed':
             expected = [expected, *omega_rate]

@@ -10,7 +10,16 @@ from scipy.integrate import quad
 
 from traction_model.contact import mean_mobilised, mobilised
 from traction_model.definition import DefinitionError
-from traction_model.soil import SHEAR_MODULUS, Soil, load_soil, preset_soils, read_soils
+from traction_model.soil import (
+    HUMP,
+    RESIDUAL,
+    SHEAR_LAW,
+    SHEAR_MODULUS,
+    Soil,
+    load_soil,
+    preset_soils,
+    read_soils,
+)
 from traction_model.wheel import Wheel
 
 # Wong, Terramechanics and Off-Road Vehicle Engineering, 2009, as tabulated in the open
@@ -27,6 +36,13 @@ PUBLISHED = {
     'snow_us': (196.72, 4.37, 1.6, 1.03, 19.7, 0.03),
     'snow_sweden': (66.08, 10.55, 1.44, 6.0, 20.7, 0.03),
 }
+
+
+def shear_share(j, soil):
+    """Share of the strength that a packed soil mobilises at a shear displacement in m."""
+    y = j / soil[SHEAR_MODULUS]
+    return mobilised(y, soil[SHEAR_LAW], soil[RESIDUAL], soil[HUMP])
+
 
 SOIL = """
 mine:
@@ -197,7 +213,7 @@ def sheared(law, residual=None):
 def test_janosi_and_hanamotos_law():
     soil = sheared('janosi_hanamoto')
     for j in (0.0, 1e-9, 0.01, 0.02, 0.5):
-        assert mobilised(j, soil) == pytest.approx(1 - math.exp(-j / 0.02), rel=1e-6)
+        assert shear_share(j, soil) == pytest.approx(1 - math.exp(-j / 0.02), rel=1e-6)
 
 
 @pytest.mark.parametrize('residual', [0.1, 0.4, 0.6, 0.9])
@@ -207,14 +223,14 @@ def test_wong_and_preston_thomass_law(residual):
     hump = 1 / (residual * (1 - 1 / math.e)) - 1
     for u in (0.0, 0.1, 0.5, 1.0, 3.0):
         expected = residual * (1 + hump * math.exp(1 - u)) * (1 - math.exp(-u))
-        assert mobilised(u * 0.02, soil) == pytest.approx(expected, rel=1e-9)
-    assert mobilised(0.0, soil) == 0.0
-    assert mobilised(0.02, soil) == pytest.approx(1.0)
-    assert mobilised(2.0, soil) == pytest.approx(residual)
+        assert shear_share(u * 0.02, soil) == pytest.approx(expected, rel=1e-9)
+    assert shear_share(0.0, soil) == 0.0
+    assert shear_share(0.02, soil) == pytest.approx(1.0)
+    assert shear_share(2.0, soil) == pytest.approx(residual)
     # The top lies near K and 1, not quite there: dg/du = 0 at exp(-u) = (h*e - 1)/(2*h*e).
     top = math.log(2 * hump * math.e / (hump * math.e - 1))
-    values = [mobilised(u * 0.02, soil) for u in np.linspace(0, 10, 5001)]
-    assert max(values) == pytest.approx(mobilised(top * 0.02, soil), rel=1e-6)
+    values = [shear_share(u * 0.02, soil) for u in np.linspace(0, 10, 5001)]
+    assert max(values) == pytest.approx(shear_share(top * 0.02, soil), rel=1e-6)
     assert 1.0 <= max(values) < 1.08
 
 
@@ -224,14 +240,14 @@ def test_kacigin_and_guskovs_law(residual):
     # given: the greatest value of g is 1.
     soil = sheared('kacigin_guskov', residual)
     # f from g at any one place: here at j = K.
-    f = (mobilised(0.02, soil) / residual / math.tanh(1) - 1) * math.cosh(1)
+    f = (shear_share(0.02, soil) / residual / math.tanh(1) - 1) * math.cosh(1)
     for u in (0.0, 0.1, 0.5, 2.0, 5.0):
         expected = residual * math.tanh(u) * (1 + f / math.cosh(u))
-        assert mobilised(u * 0.02, soil) == pytest.approx(expected, rel=1e-9)
-    values = [mobilised(u * 0.02, soil) for u in np.linspace(0, 10, 20001)]
+        assert shear_share(u * 0.02, soil) == pytest.approx(expected, rel=1e-9)
+    values = [shear_share(u * 0.02, soil) for u in np.linspace(0, 10, 20001)]
     assert max(values) == pytest.approx(1.0, abs=1e-6)
-    assert mobilised(2.0, soil) == pytest.approx(residual)
-    assert mobilised(1e6, soil) == pytest.approx(residual)
+    assert shear_share(2.0, soil) == pytest.approx(residual)
+    assert shear_share(1e6, soil) == pytest.approx(residual)
 
 
 LAWS = st.one_of(
@@ -244,7 +260,7 @@ LAWS = st.one_of(
 @given(soil=LAWS, y=st.floats(1e-6, 60.0))
 def test_mean_of_what_is_mobilised(soil, y):
     expected = quad(
-        lambda u: mobilised(u * soil[SHEAR_MODULUS], soil), 0, y, epsrel=1e-10, limit=200
+        lambda u: shear_share(u * soil[SHEAR_MODULUS], soil), 0, y, epsrel=1e-10, limit=200
     )[0]
     # Below y = 1e-4 the deficit's series leaves out y^2/6 = 2e-9, which humps multiply.
     assert mean_mobilised(y, soil) == pytest.approx(expected / y, rel=1e-6, abs=5e-8)
@@ -252,20 +268,20 @@ def test_mean_of_what_is_mobilised(soil, y):
 
 @given(soil=LAWS, j=st.floats(0.0, 1e6))
 def test_no_shear_law_leaves_its_bounds(soil, j):
-    assert 0.0 <= mobilised(j, soil) <= 1.08
+    assert 0.0 <= shear_share(j, soil) <= 1.08
     assert 0.0 <= mean_mobilised(j / 0.02, soil) <= 1.08
 
 
-HUMP = SOIL + '  shear_law: wong_preston_thomas\n  residual_ratio: 0.6\n'
+HUMPED = SOIL + '  shear_law: wong_preston_thomas\n  residual_ratio: 0.6\n'
 
 
 @pytest.mark.parametrize(
     ('text', 'reason'),
     [
         (SOIL + '  residual_ratio: 0.6\n', 'residual_ratio goes with the shear_law wong_preston'),
-        (HUMP.replace('  residual_ratio: 0.6\n', ''), 'residual_ratio goes with the shear_law'),
-        (HUMP.replace('0.6', '1'), 'residual_ratio: Input should be less than 1, got 1'),
-        (HUMP.replace('wong_', 'wonk_'), "shear_law: Input should be 'janosi_hanamoto', 'wong"),
+        (HUMPED.replace('  residual_ratio: 0.6\n', ''), 'residual_ratio goes with the shear_law'),
+        (HUMPED.replace('0.6', '1'), 'residual_ratio: Input should be less than 1, got 1'),
+        (HUMPED.replace('wong_', 'wonk_'), "shear_law: Input should be 'janosi_hanamoto', 'wong"),
         (SOIL + '  unit_weight: 15000\n', 'unit_weight goes with the pressure_law reece'),
         (SOIL + '  pressure_law: reece\n', 'unit_weight goes with the pressure_law reece'),
         (SOIL + '  pressure_law: bernstein\n', 'bernstein takes frictional_modulus only'),
@@ -303,7 +319,7 @@ def test_laws_that_do_not_fit_their_parameters(tmp_path, text, reason):
 
 
 def test_laws_from_a_file(tmp_path):
-    path = soil_file(tmp_path, HUMP + '  traction_curve: {mobility_number: 30}\n')
+    path = soil_file(tmp_path, HUMPED + '  traction_curve: {mobility_number: 30}\n')
     soil = load_soil(f'{path}:mine')
     assert (soil.shear_law, soil.residual_ratio) == ('wong_preston_thomas', 0.6)
     assert soil.traction_curve.mobility_number == 30

@@ -1,5 +1,6 @@
 """Terramechanics of wheels on soft soil: soils, wheels, vehicles, contact forces, motion."""
 
+from traction_model.batch import Batch, simulate_batch
 from traction_model.contact import Form
 from traction_model.definition import DefinitionError
 from traction_model.empirical import Brixius, Burckhardt, CurveFit, Pacejka, fit_curve
@@ -18,6 +19,7 @@ from traction_model.wheel import Wheel
 
 __all__ = [
     'Axle',
+    'Batch',
     'Brixius',
     'Burckhardt',
     'CurveFit',
@@ -42,5 +44,6 @@ __all__ = [
     'preset_soils',
     'read_soils',
     'simulate',
+    'simulate_batch',
     'tractive_figures',
 ]

@@ -20,8 +20,9 @@ from enum import IntEnum
 
 import numpy as np
 
+from traction_model.elementary import exponential, power
 from traction_model.empirical import curve_ratios
-from traction_model.kernel import kernel
+from traction_model.kernel import inlined, kernel, lean_kernel
 from traction_model.rut import fresh_ruts, rut_at
 from traction_model.soil import (
     COHESION,
@@ -99,11 +100,16 @@ _NODES, _WEIGHTS = (array for array in np.polynomial.legendre.leggauss(12))
 NODES = ((_NODES + 1) / 2) ** 2
 WEIGHTS = _WEIGHTS * (_NODES + 1) / 2
 
+# Terms of the sine and cosine series: on +-pi/2, half the widest contact, what is left out is
+# below 7e-12, on +-1 below 3e-15. Unlike math.sin they go through vector instructions.
+SINE = tuple((-1) ** k / math.factorial(2 * k + 1) for k in range(8))
+COSINE = tuple((-1) ** k / math.factorial(2 * k) for k in range(9))
+
 EVERYWHERE = np.array([-np.inf])
 UNTOUCHED = fresh_ruts(0, 0.0)
 
 
-@kernel
+@inlined
 def shear_deficit(y):
     """Share of the shear strength not yet mobilised along the contact, the paper's kappa (21).
 
@@ -117,38 +123,40 @@ def shear_deficit(y):
     float
         ``(1 - exp(-y))/y``, from 1 at y = 0 towards 0.
     """
-    if y < 1e-4:
-        # Two terms of the series; the third is below 2e-9.
-        return 1.0 - y / 2.0
-    return -math.expm1(-y) / y
+    if y < 0.02:
+        # The series; its next term is below 1e-13. math.expm1 takes three times as long as exp.
+        rest = 1.0 - y / 4.0 * (1.0 - y / 5.0 * (1.0 - y / 6.0))
+        return 1.0 - y / 2.0 * (1.0 - y / 3.0 * rest)
+    return (1.0 - math.exp(-y)) / y
 
 
-@kernel
-def mobilised(displacement, soil):
+@inlined
+def mobilised(y, law, residual, hump):
     """Share of the shear strength mobilised at a shear displacement, by the soil's law.
 
     Parameters
     ----------
-    displacement : float
-        j, m, at least 0.
-    soil : ndarray, shape (17,)
-        A packed soil, SI units.
+    y : float
+        Shear displacement over K, dimensionless, at least 0.
+    law : float
+        The law's number, see `traction_model.soil.SHEAR_LAWS`.
+    residual, hump : float
+        The law's parameters, dimensionless.
 
     Returns
     -------
     float
         g, dimensionless, 0 to 1; by Wong and Preston-Thomas up to 1.08.
     """
-    y = displacement / soil[SHEAR_MODULUS]
-    if soil[SHEAR_LAW] == 0.0:
-        return -math.expm1(-y)
-    if soil[SHEAR_LAW] == 1.0:
-        return soil[RESIDUAL] * (1.0 + soil[HUMP] * math.exp(1.0 - y)) * -math.expm1(-y)
+    if law == 0.0:
+        return 1.0 - exponential(-y)
+    if law == 1.0:
+        return residual * (1.0 + hump * math.exp(1.0 - y)) * (1.0 - math.exp(-y))
     fading = 2.0 * math.exp(-y) / (1.0 + math.exp(-2.0 * y))
-    return soil[RESIDUAL] * math.tanh(y) * (1.0 + soil[HUMP] * fading)
+    return residual * math.tanh(y) * (1.0 + hump * fading)
 
 
-@kernel
+@inlined
 def mean_mobilised(y, soil):
     """Mean of `mobilised` over a contact along which shear displacement grows evenly.
 
@@ -179,7 +187,7 @@ def mean_mobilised(y, soil):
     return residual * (logarithm + hump * (1.0 - fading)) / y
 
 
-@kernel
+@inlined
 def slip_along_path(v, rim):
     """Slip that passes evenly through standstill, for the closed forms.
 
@@ -197,7 +205,7 @@ def slip_along_path(v, rim):
     return max(-1.0, min(1.0, slipping))
 
 
-@kernel
+@inlined
 def plate_contact(form, v, omega, z, z_rate, soil, radius, width, imposed):
     """Forces on a wheel by the forms `PAPER`, `BEKKER_WONG` and `EMPIRICAL`.
 
@@ -234,7 +242,6 @@ def plate_contact(form, v, omega, z, z_rate, soil, radius, width, imposed):
     load = imposed
     if load < 0.0:
         load = area * (soil[MODULUS] * z ** soil[N_EXP] + soil[DAMPING] * max(z_rate, 0.0))
-    strength = soil[COHESION] + load / area * soil[TAN_PHI]
 
     # Fades out at standstill, where resistance has no direction.
     rolling = max(-1.0, min(1.0, v / LEAST_TRANSIT_SPEED))
@@ -251,12 +258,12 @@ def plate_contact(form, v, omega, z, z_rate, soil, radius, width, imposed):
     else:
         share = mean_mobilised(y, soil)
     direction = 1.0 if rim >= v else -1.0
-    thrust = direction * strength * area * share
-    resistance = rolling * width * load * z / ((soil[N_EXP] + 1.0) * area)
+    thrust = direction * (soil[COHESION] * area + load * soil[TAN_PHI]) * share
+    resistance = rolling * load * z / ((soil[N_EXP] + 1.0) * length)
     return load, thrust, resistance, radius * thrust
 
 
-@kernel
+@inlined
 def pressure(sunk, depth, surface, held, soil):
     """Pressure of soil that may have been pressed before.
 
@@ -278,7 +285,7 @@ def pressure(sunk, depth, surface, held, soil):
         law. Where soil would spring back above the ground by its elastic modulus, along the
         straight line from there.
     """
-    fresh = soil[MODULUS] * max(sunk, 0.0) ** soil[N_EXP]
+    fresh = soil[MODULUS] * power(max(sunk, 0.0), soil[N_EXP])
     if sunk >= depth:
         return fresh
     if sunk <= surface:
@@ -286,7 +293,85 @@ def pressure(sunk, depth, surface, held, soil):
     return min(fresh, held * (sunk - surface) / (depth - surface))
 
 
-@kernel
+@inlined
+def stresses(loading, reloading, law, part, motion, soil, rebound):
+    """Integrals of the stresses over a part of the contact in which nothing jumps.
+
+    Parameters
+    ----------
+    loading, reloading : bool
+        Whether the soil is pressed down here, and whether along its elastic line.
+    law : float
+        Number of the shear law.
+    part : tuple of float
+        Middle and length of the part, rad; at its front the antiderivative of the rim's speed
+        over the ground, m/s, and the shear displacement, m.
+    motion : tuple of float
+        z m, z' m/s, rim speed m/s, v m/s, r m, shear displacement per swept speed s, and
+        `shear_step` of `one_way` s.
+    soil : tuple of float
+        k, n, D, elastic modulus, residual ratio, hump, 1/K; SI units.
+    rebound : tuple of float
+        Surface of soil that was pressed before, m, and the slope of its elastic line, Pa/m;
+        pressure where the rim begins to rise, Pa, and the angle at which it does, rad.
+
+    Returns
+    -------
+    load, shear, friction, shear_moment, friction_moment, compaction : float
+        Of normal stress, mobilised share, the product of both, these two again times the
+        cosine, and normal stress times the sine; Pa, or dimensionless, per element ``b*r``.
+    """
+    middle, span, swept_before, displacement = part
+    z, z_rate, rim, v, radius, per_transit, shear_step = motion
+    modulus, exponent, damping, elastic, residual, hump, per_shear = soil
+    surface, stiffness, peak, leaving = rebound
+    sin_middle, cos_middle = math.sin(middle), math.cos(middle)
+    sin_leaving, cos_leaving = math.sin(leaving), math.cos(leaving)
+    load = 0.0
+    shear = 0.0
+    friction = 0.0
+    shear_moment = 0.0
+    friction_moment = 0.0
+    compaction = 0.0
+    for k in range(NODES.size):
+        offset = span * (0.5 - NODES[k])
+        square = offset * offset
+        sine = SINE[7]
+        cosine = COSINE[8] * square + COSINE[7]
+        for term in range(6, -1, -1):
+            sine = sine * square + SINE[term]
+            cosine = cosine * square + COSINE[term]
+        sine *= offset
+        theta = middle + offset
+        sin_theta = sin_middle * cosine + cos_middle * sine
+        cos_theta = cos_middle * cosine - sin_middle * sine
+        pressing = damping * (z_rate + rim * sin_theta)
+        if loading:
+            sunk = max(z - radius * (1.0 - cos_theta), 0.0)
+            sigma = modulus * power(sunk, exponent)
+            if reloading:
+                sigma = min(sigma, stiffness * max(sunk - surface, 0.0))
+            sigma += max(pressing, 0.0)
+        else:
+            turned = cos_theta * cos_leaving + sin_theta * sin_leaving
+            sigma = max(peak - elastic * radius * (1.0 - turned) / cos_leaving, 0.0)
+            sigma = max(sigma + pressing, 0.0)
+        swept = rim * (theta + sin_theta * cos_theta) / 2.0 - v * sin_theta
+        sheared = displacement + per_transit * abs(swept_before - swept)
+        sheared += shear_step * abs(rim * cos_theta - v)
+        area = span * WEIGHTS[k] * cos_theta
+        share = mobilised(sheared * per_shear, law, residual, hump) * area
+        by_friction = share * sigma
+        load += sigma * area
+        shear += share
+        friction += by_friction
+        shear_moment += share * cos_theta
+        friction_moment += by_friction * cos_theta
+        compaction += sigma * sin_theta * area
+    return load, shear, friction, shear_moment, friction_moment, compaction
+
+
+@inlined
 def one_way(v, omega, z, z_rate, side, x, soils, starts, radius, width, depth, shear, shear_step):
     """Stresses over the contact arc of a strip of wheel that meets soil at one side.
 
@@ -352,6 +437,7 @@ def one_way(v, omega, z, z_rate, side, x, soils, starts, radius, width, depth, s
     friction_moment = 0.0
     cohesion_moment = 0.0
     compaction = 0.0
+    motion = (z, z_rate, rim, v, radius, radius / transit, shear_step)
     before = shear
     displacement = 0.0
     # Soil by soil, as the wheel meets them.
@@ -383,42 +469,42 @@ def one_way(v, omega, z, z_rate, side, x, soils, starts, radius, width, depth, s
                 begins, ends = -ends, -begins
             start = min(start, math.asin(max(-1.0, min(1.0, ends))))
             exit = max(exit, math.asin(max(-1.0, min(1.0, begins))))
+        elastic_line = held / (depth - surface) if depth > surface else 0.0
+        rebound = (surface, elastic_line, peak, leaving)
+        stiffnesses = (
+            here[MODULUS], here[N_EXP], here[DAMPING], here[ELASTIC_MODULUS], here[RESIDUAL],
+            here[HUMP], 1.0 / here[SHEAR_MODULUS],
+        )  # fmt: skip
+        # Antiderivative of the rim's speed over the ground, (rim*cos s - v)*cos s.
+        swept = rim * (start + math.sin(start) * math.cos(start)) / 2.0 - v * math.sin(start)
         while start > exit:
             stop = exit
-            for place in (turning, -turning, yields, leaving):
+            for place in (turning, -turning, yields, -yields, leaving):
                 if stop < place < start:
                     stop = place
             span = start - stop
             middle = (start + stop) / 2.0
             direction = inner if abs(middle) < turning else outer
-            # Antiderivative of the rim's speed over the ground, (rim*cos s - v)*cos s.
-            swept_before = rim * (start + math.sin(start) * math.cos(start)) / 2.0
-            swept_before -= v * math.sin(start)
-            for k in range(NODES.size):
-                theta = start - span * NODES[k]
-                cos_theta = math.cos(theta)
-                sin_theta = math.sin(theta)
-                pressing = here[DAMPING] * (z_rate + rim * sin_theta)
-                if middle > leaving:
-                    sunk = z - radius * (1.0 - cos_theta)
-                    sigma = pressure(sunk, depth, surface, held, here) + max(pressing, 0.0)
-                else:
-                    risen = radius * (1.0 - math.cos(theta - leaving)) / math.cos(leaving)
-                    sigma = max(peak - here[ELASTIC_MODULUS] * risen, 0.0)
-                    sigma = max(sigma + pressing, 0.0)
-                swept = rim * (theta + sin_theta * cos_theta) / 2.0 - v * sin_theta
-                sheared = before + displacement + radius / transit * abs(swept_before - swept)
-                sheared += shear_step * abs(rim * cos_theta - v)
-                area = span * WEIGHTS[k] * cos_theta
-                by_cohesion = direction * mobilised(sheared, here) * area
-                by_friction = by_cohesion * sigma * here[TAN_PHI]
-                by_cohesion *= here[COHESION]
-                load += sigma * area
-                friction += by_friction
-                cohesion += by_cohesion
-                friction_moment += by_friction * cos_theta
-                cohesion_moment += by_cohesion * cos_theta
-                compaction += sigma * sin_theta * area
+            law = here[SHEAR_LAW]
+            loading = middle > leaving
+            reloading = z - radius * (1.0 - math.cos(middle)) < depth
+            part = (middle, span, swept, before + displacement)
+            # What is known beforehand leaves loops without branches, which are twice as quick.
+            if law != 0.0:
+                sums = stresses(loading, reloading, law, part, motion, stiffnesses, rebound)
+            elif not loading:
+                sums = stresses(False, False, 0.0, part, motion, stiffnesses, rebound)
+            elif reloading:
+                sums = stresses(True, True, 0.0, part, motion, stiffnesses, rebound)
+            else:
+                sums = stresses(True, False, 0.0, part, motion, stiffnesses, rebound)
+            load += sums[0]
+            cohesion += direction * here[COHESION] * sums[1]
+            friction += direction * here[TAN_PHI] * sums[2]
+            cohesion_moment += direction * here[COHESION] * sums[3]
+            friction_moment += direction * here[TAN_PHI] * sums[4]
+            compaction += sums[5]
+            swept_before = swept
             swept = rim * (stop + math.sin(stop) * math.cos(stop)) / 2.0 - v * math.sin(stop)
             displacement += radius / transit * abs(swept_before - swept)
             start = stop
@@ -436,7 +522,7 @@ def one_way(v, omega, z, z_rate, side, x, soils, starts, radius, width, depth, s
     )
 
 
-@kernel
+@lean_kernel
 def arc_contact(
     v, omega, z, z_rate, x, soils, starts, radius, width, track, ruts, imposed, shear_step
 ):
@@ -480,7 +566,7 @@ def arc_contact(
     if z <= 0.0:
         return 0.0, 0.0, 0.0, 0.0, 0.0
     z = min(z, radius)
-    entry = radius * math.sin(math.acos(1.0 - z / radius))
+    entry = math.sqrt(z * (2.0 * radius - z))
     ahead = max(0.0, min(1.0, (1.0 + v / LEAST_TRANSIT_SPEED) / 2.0))
     load = 0.0
     friction = 0.0
@@ -535,7 +621,7 @@ def arc_contact(
     return load, friction + cohesion + resistance, resistance, moment, left
 
 
-@kernel
+@inlined
 def forces_at(
     form, v, omega, z, z_rate, x, soils, starts, radius, width, track, ruts, imposed, shear_step
 ):
@@ -585,11 +671,12 @@ def forces_at(
     return load, thrust, resistance, moment, 0.0
 
 
-@kernel
-def sinkage_at(form, v, omega, load, x, soils, starts, radius, width, track, ruts):
+@lean_kernel
+def sinkage_at(form, v, omega, load, x, soils, starts, radius, width, track, ruts, guess):
     """Sinkage at which the soil carries a load while the wheel neither rises nor sinks.
 
-    False position on (0, r) with the Illinois step, to 0.1 um or a millionth of the load.
+    Load grows about like a power of sinkage: secant steps on logarithms, kept between a sinkage
+    that carries less and one that carries more, until the load is met to 1e-8.
 
     Parameters
     ----------
@@ -611,6 +698,8 @@ def sinkage_at(form, v, omega, load, x, soils, starts, radius, width, track, rut
         Which rut it runs in, -1 for none.
     ruts : Ruts
         What wheels have left so far.
+    guess : float
+        Where to begin, m, as from the last step; 0 for nowhere in particular.
 
     Returns
     -------
@@ -620,31 +709,35 @@ def sinkage_at(form, v, omega, load, x, soils, starts, radius, width, track, rut
     if load <= 0.0:
         return 0.0
     low, high = 0.0, radius
-    at_low = -load
-    at_high = -load + forces_at(
-        form, v, omega, high, 0.0, x, soils, starts, radius, width, track, ruts, FREE, 0.0
-    )[0]  # fmt: skip
-    if at_high <= 0.0:
-        return radius
-    z = low
-    side = 0
-    for _ in range(100):
-        z = (low * at_high - high * at_low) / (at_high - at_low)
-        at_z = -load + forces_at(
+    z = guess if 0.0 < guess < radius else radius / 10.0
+    # Plate of length like sqrt(z), pressure like z**n.
+    slope = soils[soil_row(x, starts), N_EXP] + 0.5
+    carried_before = 0.0
+    z_before = 0.0
+    for turn in range(200):
+        carried = forces_at(
             form, v, omega, z, 0.0, x, soils, starts, radius, width, track, ruts, FREE, 0.0
         )[0]  # fmt: skip
-        if abs(at_z) < 1e-6 * load or high - low < 1e-7:
+        if abs(carried - load) < 1e-8 * load:
             break
-        if at_z < 0.0:
-            low, at_low = z, at_z
-            if side < 0:
-                at_high /= 2.0
-            side = -1
+        if carried < load:
+            low = z
+            if z == radius:
+                break
         else:
-            high, at_high = z, at_z
-            if side > 0:
-                at_low /= 2.0
-            side = 1
+            high = z
+        if high - low < 1e-13 * radius:
+            break
+        if carried > 0.0 and carried_before > 0.0 and carried != carried_before:
+            slope = math.log(carried / carried_before) / math.log(z / z_before)
+        carried_before, z_before = carried, z
+        z = (low + high) / 2.0
+        if carried > 0.0 and slope > 0.05 and turn < 50:
+            step = z_before * (load / carried) ** (1.0 / slope)
+            if step >= high == radius:
+                z = radius
+            elif low < step < high:
+                z = step
     return z
 
 
@@ -699,5 +792,6 @@ def equilibrium_sinkage(form, v, omega, load, soil, radius, width):
         Sinkage, m; 0 for no load, and r where even that depth does not carry the load.
     """
     return sinkage_at(
-        form, v, omega, load, 0.0, soil.reshape(1, -1), EVERYWHERE, radius, width, -1, UNTOUCHED
-    )
+        form, v, omega, load, 0.0, soil.reshape(1, -1), EVERYWHERE, radius, width, -1, UNTOUCHED,
+        0.0,
+    )  # fmt: skip

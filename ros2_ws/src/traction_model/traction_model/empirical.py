@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
 from traction_model.definition import Definition
-from traction_model.kernel import kernel
+from traction_model.kernel import inlined, kernel
 from traction_model.slip import checked_slip
 
 # Columns of a packed curve: its law, coefficients of the law, and what all but Brixius's have.
@@ -47,7 +47,7 @@ class Law(IntEnum):
     PACEJKA = 2
 
 
-@kernel
+@inlined
 def curve_ratios(curve, slip):
     """Gross traction and motion resistance of one wheel, both over its load.
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from traction_model.kernel import kernel
+from traction_model.kernel import inlined
 
 CELL = 0.02
 """Length of a cell, m."""
@@ -65,7 +65,7 @@ def fresh_ruts(tracks: int, length: float) -> Ruts:
     )
 
 
-@kernel
+@inlined
 def rut_at(x, track, ruts):
     """What wheels have left at a place, linear between cells, width weighed by depth.
 
@@ -87,7 +87,8 @@ def rut_at(x, track, ruts):
         return 0.0, 0.0, 0.0
     cells = ruts.depth.shape[1]
     place = x / CELL
-    first = math.floor(place)
+    # On a GPU floor and ceil give floats.
+    first = int(math.floor(place))  # noqa: RUF046
     depth = 0.0
     shear = 0.0
     width = 0.0
@@ -101,7 +102,7 @@ def rut_at(x, track, ruts):
     return depth, shear, width / depth if depth > 0.0 else 0.0
 
 
-@kernel
+@inlined
 def press_rut(x_from, x_to, depth, shear, width, track, ruts):
     """Leave a rut along the way of a wheel, a cell behind it: its own is none to it.
 
@@ -124,11 +125,11 @@ def press_rut(x_from, x_to, depth, shear, width, track, ruts):
         return
     cells = ruts.depth.shape[1]
     if x_to >= x_from:
-        first = math.floor(x_from / CELL)
-        last = math.floor(x_to / CELL) - 1
+        first = int(math.floor(x_from / CELL))  # noqa: RUF046
+        last = int(math.floor(x_to / CELL)) - 1  # noqa: RUF046
     else:
-        first = math.ceil(x_to / CELL) + 1
-        last = math.ceil(x_from / CELL)
+        first = int(math.ceil(x_to / CELL)) + 1  # noqa: RUF046
+        last = int(math.ceil(x_from / CELL))  # noqa: RUF046
     if first > last:
         return
     newest = ruts.newest[track]

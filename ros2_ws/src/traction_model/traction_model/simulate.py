@@ -28,9 +28,9 @@ from traction_model.contact import (
     sinkage_at,
 )
 from traction_model.empirical import curve_ratios
-from traction_model.kernel import kernel
+from traction_model.kernel import inlined, lean_kernel
 from traction_model.rut import Ruts, fresh_ruts, press_rut
-from traction_model.slip import LEAST_SPEED, is_valid, slip
+from traction_model.slip import LEAST_SPEED, is_valid, slip, slips
 from traction_model.soil import (
     COHESION,
     CURVE,
@@ -138,7 +138,7 @@ class Model(NamedTuple):
     shear_step: float
 
 
-@kernel
+@inlined
 def drawbar_force(t, v, model):
     """Draft at a time and speed.
 
@@ -161,8 +161,8 @@ def drawbar_force(t, v, model):
     return direction * share * (model.pull + model.pull_per_speed * abs(v))
 
 
-@kernel
-def derivative(t, y, torque, given, model, ruts, forces):
+@inlined
+def derivative(t, y, torque, given, row, share, model, ruts, forces, slope):
     """Rate of change of the state, and the forces that cause it.
 
     Parameters
@@ -171,125 +171,104 @@ def derivative(t, y, torque, given, model, ruts, forces):
         Time, s.
     y : ndarray, shape (2 + 3n,)
         Speed m/s, distance m, wheel speeds rad/s, sinkages m, sinkage rates m/s.
-    torque : ndarray, shape (n,)
-        Drive torque, N*m, forward positive.
-    given : ndarray, shape (3, n)
-        Sinkage, m, its rate, m/s, and its acceleration, m/s^2, downward positive; used in mode
-        'given' where the sinkage is positive.
+    torque : ndarray, shape (k, n)
+        Samples of drive torque, N*m, forward positive.
+    given : ndarray, shape (k, 3, n)
+        Samples of sinkage, m, its rate, m/s, and its acceleration, m/s^2, downward positive;
+        read in mode 'given' only, and used where the sinkage is positive.
+    row : int
+        The sample before `t`, at most k - 2.
+    share : float
+        How far `t` is on the way to the next sample, 0 to 1, dimensionless.
     model : Model
         What does not change, SI units.
     ruts : Ruts
         What wheels have left so far.
     forces : ndarray, shape (n, 7)
-        In: the loads, N, in column 0, as a first guess. Out: load on the wheel W, thrust F,
-        resistance R, moment M, N*m, sinkage z, m, the soil's upward force N, N, and the shear
-        displacement of the soil as it is left, m.
-
-    Returns
-    -------
-    ndarray, shape (2 + 3n,)
-        Rate of change of `y` in SI units per second.
+        In: the loads, N, in column 0, as a first guess, and sinkages, m, in column 4. Out: load
+        on the wheel W, thrust F, resistance R, moment M, N*m, sinkage z, m, the soil's upward
+        force N, N, and the shear displacement of the soil as it is left, m.
+    slope : ndarray, shape (2 + 3n,)
+        Out: rate of change of `y` in SI units per second.
     """
     form, mode, mass = model.form, model.mode, model.mass
-    n = model.wheels.shape[0]
+    wheels = model.wheels
+    n = wheels.shape[0]
     v = y[SPEED]
-    dy = np.zeros_like(y)
     pull = drawbar_force(t, v, model)
     drag = model.drag * v * abs(v)
     grade = model.grades[soil_row(y[DISTANCE], model.starts)]
-    weight = mass * GRAVITY * math.cos(grade)
-    climb = mass * GRAVITY * math.sin(grade)
+    weight = mass * GRAVITY
+    climb = 0.0
+    if grade != 0.0:
+        climb = weight * math.sin(grade)
+        weight *= math.cos(grade)
     # Where sinkage follows from load, or load is imposed, load transfer and contact are found
     # in turn; the transfer is a small part of the load, so each turn gains more than a digit.
-    turns = 1 if mode == 0 else 4
-    for _ in range(turns):
+    for _ in range(1 if mode == 0 else 4):
         net = 0.0
         transfer = 0.0
         for j in range(n):
-            wheel = model.wheels[j]
             omega = y[FIRST_WHEEL + j]
-            x = y[DISTANCE] + wheel[POSITION]
-            track = int(wheel[TRACK])
+            radius, width = wheels[j, RADIUS], wheels[j, WIDTH]
+            x = y[DISTANCE] + wheels[j, POSITION]
+            track = int(wheels[j, TRACK])
             z_rate = 0.0
             imposed = FREE
             if mode == 0:
                 z = y[FIRST_WHEEL + n + j]
                 z_rate = y[FIRST_WHEEL + 2 * n + j]
-            elif mode == 2 and given[0, j] > 0.0:
-                z = given[0, j]
-                z_rate = given[1, j]
-                carried = wheel[STATIC_LOAD] / GRAVITY
-                imposed = max(0.0, forces[j, 0] - carried * given[2, j])
             else:
-                z = sinkage_at(
-                    form, v, omega, forces[j, 0], x, model.soils[j], model.starts, wheel[RADIUS],
-                    wheel[WIDTH], track, ruts,
-                )  # fmt: skip
-            load, thrust, resistance, moment, forces[j, 6] = forces_at(
-                form, v, omega, z, z_rate, x, model.soils[j], model.starts, wheel[RADIUS],
-                wheel[WIDTH], track, ruts, imposed, model.shear_step,
+                z = 0.0
+                if mode == 2:
+                    z = given[row, 0, j] + share * (given[row + 1, 0, j] - given[row, 0, j])
+                if z > 0.0:
+                    z_rate = given[row, 1, j] + share * (given[row + 1, 1, j] - given[row, 1, j])
+                    rising = given[row, 2, j] + share * (given[row + 1, 2, j] - given[row, 2, j])
+                    carried = wheels[j, STATIC_LOAD] / GRAVITY
+                    imposed = max(0.0, forces[j, 0] - carried * rising)
+                else:
+                    z = sinkage_at(
+                        form, v, omega, forces[j, 0], x, model.soils[j], model.starts, radius,
+                        width, track, ruts, forces[j, 4],
+                    )  # fmt: skip
+            load, thrust, resistance, moment, sheared = forces_at(
+                form, v, omega, z, z_rate, x, model.soils[j], model.starts, radius, width, track,
+                ruts, imposed, model.shear_step,
             )  # fmt: skip
             forces[j, 1] = thrust
             forces[j, 2] = resistance
             forces[j, 3] = moment
             forces[j, 4] = z
             forces[j, 5] = load
-            drive = torque[j] - wheel[FRICTION] * omega
-            dy[FIRST_WHEEL + j] = (drive - moment) / wheel[INERTIA]
+            forces[j, 6] = sheared
+            drive = torque[row, j] + share * (torque[row + 1, j] - torque[row, j])
+            drive -= wheels[j, FRICTION] * omega
+            slope[FIRST_WHEEL + j] = (drive - moment) / wheels[j, INERTIA]
             net += thrust - resistance
-            transfer += drive - wheel[RADIUS] * (thrust - resistance)
-        dy[SPEED] = (net - pull - climb - drag) / mass
+            transfer += drive - radius * (thrust - resistance)
+        acceleration = (net - pull - climb - drag) / mass
         # Moment of the loads about the rear axle's ground contact, nose-up positive.
         turn = model.cg_x * weight - model.hitch_height * pull - transfer
-        turn -= model.cg_height * (mass * dy[SPEED] + climb + drag)
+        turn -= model.cg_height * (mass * acceleration + climb + drag)
+        moved = 0.0
         for j in range(n):
-            forces[j, 0] = max(0.0, model.spread[j, 0] * weight + model.spread[j, 1] * turn)
-    dy[DISTANCE] = v
-    if mode == 0:
-        for j in range(n):
-            carried = model.wheels[j, STATIC_LOAD] / GRAVITY
-            dy[FIRST_WHEEL + n + j] = y[FIRST_WHEEL + 2 * n + j]
-            dy[FIRST_WHEEL + 2 * n + j] = (forces[j, 0] - forces[j, 5]) / carried
-    return dy
+            load = max(0.0, model.spread[j, 0] * weight + model.spread[j, 1] * turn)
+            moved = max(moved, abs(load - forces[j, 0]))
+            forces[j, 0] = load
+        if moved < 1e-9 * weight:
+            break
+    slope[SPEED] = acceleration
+    slope[DISTANCE] = v
+    for j in range(n):
+        rise = 0.0
+        if mode == 0:
+            rise = (forces[j, 0] - forces[j, 5]) * GRAVITY / wheels[j, STATIC_LOAD]
+        slope[FIRST_WHEEL + n + j] = y[FIRST_WHEEL + 2 * n + j] if mode == 0 else 0.0
+        slope[FIRST_WHEEL + 2 * n + j] = rise
 
 
-@kernel
-def rk4(t, dt, y, torque, torque_next, given, given_next, model, ruts, forces):
-    """Advance the state by one step of Runge-Kutta 4; inputs vary linearly over the step.
-
-    Parameters
-    ----------
-    t, dt : float
-        Time at the start of the step and its length, s.
-    y : ndarray, shape (2 + 3n,)
-        State in SI units, see `derivative`.
-    torque, torque_next : ndarray, shape (n,)
-        Drive torque at the start and end of the step, N*m.
-    given, given_next : ndarray, shape (3, n)
-        Given sinkage and its rates at the start and end of the step, SI units.
-    model : Model
-        What does not change, SI units.
-    ruts : Ruts
-        What wheels have left so far.
-    forces : ndarray, shape (n, 7)
-        See `derivative`; SI units.
-
-    Returns
-    -------
-    ndarray, shape (2 + 3n,)
-        State at the end of the step, SI units.
-    """
-    torque_mid = (torque + torque_next) / 2.0
-    given_mid = (given + given_next) / 2.0
-    half = dt / 2.0
-    k1 = derivative(t, y, torque, given, model, ruts, forces)
-    k2 = derivative(t + half, y + half * k1, torque_mid, given_mid, model, ruts, forces)
-    k3 = derivative(t + half, y + half * k2, torque_mid, given_mid, model, ruts, forces)
-    k4 = derivative(t + dt, y + dt * k3, torque_next, given_next, model, ruts, forces)
-    return y + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-
-
-@kernel
+@inlined
 def steps_for(dt, y, model, forces):
     """Steps of Runge-Kutta 4 that a time takes: near standstill forces answer very quickly.
 
@@ -314,102 +293,164 @@ def steps_for(dt, y, model, forces):
     int
         Number of steps, at least 1.
     """
-    n = model.wheels.shape[0]
+    wheels = model.wheels
+    n = wheels.shape[0]
     v = y[SPEED]
     shared = 0.0
     fastest = 0.0
     for j in range(n):
-        wheel = model.wheels[j]
-        soil = model.soils[j, soil_row(y[DISTANCE] + wheel[POSITION], model.starts)]
-        radius = wheel[RADIUS]
+        soil = model.soils[j, soil_row(y[DISTANCE] + wheels[j, POSITION], model.starts)]
+        radius = wheels[j, RADIUS]
         length = math.sqrt(2.0 * radius * min(max(forces[j, 4], 0.0), radius))
-        strength = soil[COHESION] * wheel[WIDTH] * length + forces[j, 5] * soil[TAN_PHI]
+        strength = soil[COHESION] * wheels[j, WIDTH] * length + forces[j, 5] * soil[TAN_PHI]
         speed = max(abs(v), radius * abs(y[FIRST_WHEEL + j]), LEAST_TRANSIT_SPEED)
-        stiffness = strength * length / soil[SHEAR_MODULUS] / speed
+        stiffness = strength * length / (soil[SHEAR_MODULUS] * speed)
         # Laws with a hump rise more steeply than Janosi and Hanamoto's, of slope 1.
         if soil[SHEAR_LAW] > 0.0:
             steepness = math.e if soil[SHEAR_LAW] == 1.0 else 1.0
             stiffness *= max(1.0, soil[RESIDUAL] * (1.0 + soil[HUMP] * steepness))
+        elif model.form == 1:
+            # The mean of 1 - exp(-j/K) over the contact rises by a half of j/K at most.
+            stiffness /= 2.0
         if model.form == 3:
             rise = curve_ratios(soil[CURVE:], 1e-3)[0] - curve_ratios(soil[CURVE:], 0.0)[0]
             stiffness = forces[j, 5] * rise / 1e-3 / speed
         shared += stiffness / model.mass
-        fastest = max(fastest, stiffness * radius * radius / wheel[INERTIA])
+        fastest = max(fastest, stiffness * radius * radius / wheels[j, INERTIA])
         if model.mode == 0:
-            damping = soil[DAMPING] * wheel[WIDTH] * length
+            damping = soil[DAMPING] * wheels[j, WIDTH] * length
             if model.form == 2 and length > 0.0:
                 transit = max(abs(v), LEAST_TRANSIT_SPEED)
                 damping += forces[j, 5] / (transit * length / radius)
-            fastest = max(fastest, damping * GRAVITY / wheel[STATIC_LOAD])
+            fastest = max(fastest, damping * GRAVITY / wheels[j, STATIC_LOAD])
     # Stable up to 2.8; C is mostly half of its bound.
-    return max(1, math.ceil(dt * (fastest + shared) / 2.5))
+    if dt * (fastest + shared) <= 2.5:
+        return 1
+    return int(math.ceil(dt * (fastest + shared) / 2.5))  # noqa: RUF046
 
 
-@kernel
-def advance(t, dt, y, torque, torque_next, given, given_next, model, ruts, forces):
-    """Advance the state over a time, in as many steps as it takes, and leave ruts.
+@inlined
+def advance(t, dt, y, torque, given, row, model, ruts, forces, work):
+    """Advance the state from one sample to the next by Runge-Kutta 4, and leave ruts.
 
     Parameters
     ----------
     t, dt : float
         Time at the start and how far to advance, s.
     y : ndarray, shape (2 + 3n,)
-        State in SI units, see `derivative`.
-    torque, torque_next : ndarray, shape (n,)
-        Drive torque at the start and end, N*m; linear in between.
-    given, given_next : ndarray, shape (3, n)
-        Given sinkage and its rates at the start and end, SI units; linear in between.
-    model : Model
-        What does not change, SI units.
+        State in SI units, see `derivative`; changed in place.
+    torque, given, row, model, forces
+        See `derivative`; SI units. Torque and given sinkage are linear between samples.
     ruts : Ruts
         What wheels have left so far; changed in place.
-    forces : ndarray, shape (n, 7)
-        See `derivative`; SI units.
-
-    Returns
-    -------
-    ndarray, shape (2 + 3n,)
-        State at the end, SI units.
+    work : ndarray, shape (3, 2 + 3n)
+        In: the derivative at the start in its first row, SI units per second.
     """
+    slope, total, trial = work[0], work[1], work[2]
+    wheels = model.wheels
     steps = steps_for(dt, y, model, forces)
-    torque_step = (torque_next - torque) / steps
-    given_step = (given_next - given) / steps
+    h, per_step = dt, 1.0
+    if steps > 1:
+        h, per_step = dt / steps, 1.0 / steps
     for k in range(steps):
         x = y[DISTANCE]
-        y = rk4(
-            t + k * dt / steps, dt / steps, y,
-            torque + k * torque_step, torque + (k + 1) * torque_step,
-            given + k * given_step, given + (k + 1) * given_step, model, ruts, forces,
-        )  # fmt: skip
-        for j in range(model.wheels.shape[0]):
-            wheel = model.wheels[j]
+        for stage in range(4):
+            ahead = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
+            if stage == 0:
+                for i in range(y.size):
+                    trial[i] = y[i]
+            if k > 0 or stage > 0:
+                derivative(
+                    t + (k + ahead) * h, trial, torque, given, row, (k + ahead) * per_step, model,
+                    ruts, forces, slope,
+                )  # fmt: skip
+            if stage == 0:
+                for i in range(y.size):
+                    total[i] = slope[i]
+                    trial[i] = y[i] + 0.5 * h * slope[i]
+            elif stage < 3:
+                # To the middle once more, then to the end.
+                reach = 0.5 * h if stage == 1 else h
+                for i in range(y.size):
+                    total[i] += 2.0 * slope[i]
+                    trial[i] = y[i] + reach * slope[i]
+        for i in range(y.size):
+            y[i] += h / 6.0 * (total[i] + slope[i])
+        # The other forms take all soil for fresh.
+        for j in range(wheels.shape[0] if model.form == 2 else 0):
+            place = wheels[j, POSITION]
             press_rut(
-                x + wheel[POSITION], y[DISTANCE] + wheel[POSITION], forces[j, 4], forces[j, 6],
-                wheel[WIDTH], int(wheel[TRACK]), ruts,
+                x + place, y[DISTANCE] + place, forces[j, 4], forces[j, 6], wheels[j, WIDTH],
+                int(wheels[j, TRACK]), ruts,
             )  # fmt: skip
-    return y
 
 
-@kernel
-def _integrate(t0, dt, y, torque, given, model, ruts):
-    steps = torque.shape[0] - 1
-    n = model.wheels.shape[0]
-    states = np.empty((steps + 1, y.size))
-    logged = np.empty((steps + 1, n, 7))
-    forces = np.zeros((n, 7))
-    forces[:, 0] = model.wheels[:, STATIC_LOAD]
-    states[0] = y
-    derivative(t0, y, torque[0], given[0], model, ruts, forces)
-    logged[0] = forces
-    for k in range(steps):
-        t = t0 + k * dt
-        y = advance(
-            t, dt, y, torque[k], torque[k + 1], given[k], given[k + 1], model, ruts, forces
+@inlined
+def integrate(t0, dt, y, torque, given, model, ruts, forces, work, every, states, logged):
+    """Integrate a run through all samples of torque.
+
+    Parameters
+    ----------
+    t0, dt : float
+        Time of the first sample and between samples, s.
+    y : ndarray, shape (2 + 3n,)
+        State at the start in SI units, see `derivative`; changed in place to that at the end.
+    torque, given, model, ruts, forces
+        See `derivative`; SI units.
+    work : ndarray, shape (3, 2 + 3n)
+        Room to work in, SI units.
+    every : int
+        Of how many samples one is kept, at least 1.
+    states : ndarray, shape (m, 2 + 3n)
+        Out: states at the samples kept, SI units.
+    logged : ndarray, shape (m, n, 7)
+        Out: forces at the samples kept, SI units.
+    """
+    last = torque.shape[0] - 1
+    for k in range(last + 1):
+        row = min(k, last - 1)
+        derivative(
+            t0 + k * dt, y, torque, given, row, float(k - row), model, ruts, forces, work[0]
         )
-        derivative(t + dt, y, torque[k + 1], given[k + 1], model, ruts, forces)
-        states[k + 1] = y
-        logged[k + 1] = forces
-    return states, logged
+        if k % every == 0:
+            kept = k // every
+            for i in range(y.size):
+                states[kept, i] = y[i]
+            for j in range(forces.shape[0]):
+                for i in range(forces.shape[1]):
+                    logged[kept, j, i] = forces[j, i]
+        if k < last:
+            advance(t0 + k * dt, dt, y, torque, given, row, model, ruts, forces, work)
+
+
+@lean_kernel
+def _run(t0, dt, y, torque, given, model, ruts, forces, work, states, logged):
+    integrate(t0, dt, y, torque, given, model, ruts, forces, work, 1, states, logged)
+
+
+@lean_kernel
+def _begin(y, torque, given, model, ruts, forces, work):
+    derivative(0.0, y, torque, given, 0, 0.0, model, ruts, forces, work[0])
+
+
+@lean_kernel
+def _drive(
+    t, dt, steps, y, command, shaft, keep, max_power, torque, given, model, ruts, forces, work
+):
+    """Advance a plant by steps of a duration, its torque lagging and limited in power."""
+    n = command.size
+    for k in range(steps):
+        power = 0.0
+        for j in range(n):
+            power += max(0.0, command[j] * y[FIRST_WHEEL + j])
+        allowed = min(1.0, max_power / power) if power > 0.0 else 1.0
+        for j in range(n):
+            target = allowed * command[j]
+            torque[0, j] = shaft[j] if keep > 0.0 else target
+            shaft[j] = target + (torque[0, j] - target) * keep
+            torque[1, j] = shaft[j]
+        derivative(t + k * dt, y, torque, given, 0, 0.0, model, ruts, forces, work[0])
+        advance(t + k * dt, dt, y, torque, given, 0, model, ruts, forces, work)
 
 
 @dataclass(frozen=True)
@@ -512,23 +553,21 @@ class Plant:
         self.step_size = step_size
         self._radii = np.array([wheel.radius for wheel in vehicle.wheels])
         self._terrain = _terrain(terrain)
-        self._model = _model(vehicle, terrain, form, sinkage, drawbar, multipass)
+        self._model = pack(vehicle, terrain, form, sinkage, drawbar, multipass)
         self._ruts = _fresh_ruts(vehicle)
         self.t = 0.0
         self.state = initial_state(vehicle, terrain, form)
         self.shaft_torque = np.zeros(self.n_wheels)
         self.forces = np.zeros((self.n_wheels, 7))
         self.forces[:, 0] = vehicle.static_loads()
-        self._not_given = np.zeros((3, self.n_wheels))
-        derivative(
-            0.0,
-            self.state,
-            self.shaft_torque,
-            self._not_given,
-            self._model,
-            self._ruts,
-            self.forces,
-        )
+        # Room for the kernels: torque at the start and end of a step, no given sinkage, slopes.
+        self._torque = np.zeros((2, self.n_wheels))
+        self._not_given = np.zeros((2, 3, self.n_wheels))
+        self._work = np.zeros((3, self.state.size))
+        _begin(
+            self.state, self._torque, self._not_given, self._model, self._ruts, self.forces,
+            self._work,
+        )  # fmt: skip
 
     @property
     def n_wheels(self) -> int:
@@ -621,17 +660,13 @@ class Plant:
         steps = max(1, math.ceil(duration / self.step_size - 1e-9))
         dt = duration / steps
         keep = math.exp(-dt / self.torque_time_constant) if self.torque_time_constant else 0.0
-        none = self._not_given
-        for _ in range(steps):
-            power = float(np.maximum(command * self.omega, 0.0).sum())
-            allowed = command * min(1.0, self.max_power / power) if power else command
-            before = self.shaft_torque if keep else allowed
-            self.shaft_torque = allowed + (before - allowed) * keep
-            self.state = advance(
-                self.t, dt, self.state, before, self.shaft_torque, none, none,
-                self._model, self._ruts, self.forces,
-            )  # fmt: skip
-            self.t += dt
+        state, shaft = self.state.copy(), self.shaft_torque.copy()
+        _drive(
+            self.t, dt, steps, state, command, shaft, keep, self.max_power, self._torque,
+            self._not_given, self._model, self._ruts, self.forces, self._work,
+        )  # fmt: skip
+        self.state, self.shaft_torque = state, shaft
+        self.t += steps * dt
 
 
 def initial_state(vehicle: Vehicle, terrain: Terrain | Soil, form: Form = Form.CONTACT) -> Array:
@@ -659,7 +694,7 @@ def initial_state(vehicle: Vehicle, terrain: Terrain | Soil, form: Form = Form.C
     ):
         state[FIRST_WHEEL + n + j] = sinkage_at(
             int(form), 0.0, 0.0, load, x, terrain.packed(wheel), terrain.starts, wheel.radius,
-            wheel.width, -1, UNTOUCHED,
+            wheel.width, -1, UNTOUCHED, 0.0,
         )  # fmt: skip
     return state
 
@@ -736,7 +771,7 @@ def simulate(
     if not 0 < dt <= 0.02:
         raise ValueError(f'dt must be above 0 and at most 0.02 s, got {dt}')
     if isinstance(sinkage, str):
-        mode, given = sinkage, np.zeros((len(torque), 3, n))
+        mode, given = sinkage, np.zeros((2, 3, n))
     else:
         mode, depth = 'given', _series('sinkage', sinkage, n)
         if len(depth) != len(torque):
@@ -744,7 +779,7 @@ def simulate(
         given = _with_rates(depth, dt)
     if not (math.isfinite(shear_step) and shear_step >= 0):
         raise ValueError(f'shear_step must be at least 0 s, got {shear_step}')
-    model = _model(vehicle, terrain, form, mode, drawbar, multipass, shear_step)
+    model = pack(vehicle, terrain, form, mode, drawbar, multipass, shear_step)
 
     radii = np.array([wheel.radius for wheel in vehicle.wheels])
     start = initial_state(vehicle, terrain, form)
@@ -763,17 +798,22 @@ def simulate(
             f'x0, v0, omega0, sinkage0 and sinkage_rate0 must be finite, got {x0} m, {v0} m/s, '
             f'{omega0!r} rad/s, {sinkage0!r} m and {sinkage_rate0!r} m/s'
         )
-    states, forces = _integrate(t0, dt, start, torque, given, model, _fresh_ruts(vehicle))
+    states = np.empty((len(torque), start.size))
+    forces = np.empty((len(torque), n, 7))
+    loads = np.zeros((n, 7))
+    loads[:, 0] = model.wheels[:, STATIC_LOAD]
+    loads[:, 4] = start[FIRST_WHEEL + n : FIRST_WHEEL + 2 * n]
+    work = np.empty((3, start.size))
+    _run(t0, dt, start, torque, given, model, _fresh_ruts(vehicle), loads, work, states, forces)
 
     v = states[:, SPEED]
     omega = states[:, FIRST_WHEEL : FIRST_WHEEL + n]
-    slips = [[slip(v[k], radii[j] * omega[k, j]) for j in range(n)] for k in range(len(v))]
     return Trajectory(
         t=t0 + dt * np.arange(float(len(v))),
         v=v,
         x=states[:, DISTANCE],
         omega=omega,
-        slip=np.array(slips),
+        slip=slips(v, omega * radii),
         sinkage=forces[:, :, 4],
         load=forces[:, :, 0],
         thrust=forces[:, :, 1],
@@ -786,7 +826,7 @@ def _terrain(terrain: Terrain | Soil) -> Terrain:
     return Terrain(terrain) if isinstance(terrain, Soil) else terrain
 
 
-def _model(
+def pack(
     vehicle: Vehicle,
     terrain: Terrain | Soil,
     form: Form,
@@ -795,7 +835,25 @@ def _model(
     multipass: bool,
     shear_step: float = 0.0,
 ) -> Model:
-    """Pack everything that stays constant over a run."""
+    """Pack everything that stays constant over a run.
+
+    Parameters
+    ----------
+    vehicle, terrain, form, drawbar, multipass, shear_step
+        As in `simulate`; SI units.
+    sinkage : {'dynamic', 'equilibrium', 'given'}
+        How sinkage, m, is found.
+
+    Returns
+    -------
+    Model
+        The same, in SI units.
+
+    Raises
+    ------
+    ValueError
+        If sinkage is none of these, or the soils lack what the form needs.
+    """
     if sinkage not in SINKAGE_MODES:
         raise ValueError(f"sinkage must be 'dynamic', 'equilibrium' or samples, got {sinkage!r}")
     terrain = _terrain(terrain)

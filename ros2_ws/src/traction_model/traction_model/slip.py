@@ -3,13 +3,13 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from traction_model.kernel import kernel
+from traction_model.kernel import inlined, kernel
 
 LEAST_SPEED = 0.3
 """Speed below which slip is not valid, m/s, of the wheel rim or the vehicle."""
 
 
-@kernel
+@inlined
 def slip(v, rim_speed):
     """Slip of a wheel, equation (16) of Agriculture 2024, 14(3), 499.
 
@@ -44,6 +44,29 @@ def slip(v, rim_speed):
 
 
 @kernel
+def slips(v, rim_speeds):
+    """Slip of every wheel at every sample.
+
+    Parameters
+    ----------
+    v : ndarray, shape (k,)
+        Speed over ground, m/s, forward positive.
+    rim_speeds : ndarray, shape (k, n)
+        r*omega, m/s, forward positive.
+
+    Returns
+    -------
+    ndarray, shape (k, n)
+        Slip, -1 to 1, see `slip`.
+    """
+    values = np.empty(rim_speeds.shape)
+    for k in range(rim_speeds.shape[0]):
+        for j in range(rim_speeds.shape[1]):
+            values[k, j] = slip(v[k], rim_speeds[k, j])
+    return values
+
+
+@inlined
 def is_valid(v, rim_speed, least_speed):
     """Tell whether slip means anything at these speeds.
 

@@ -168,7 +168,7 @@ class Soil(Definition):
                 math.inf if self.elastic_modulus is None else self.elastic_modulus,
                 law,
                 residual,
-                (0.0, _wong_hump(residual), _guskov_hump(residual))[law],
+                HUMPS[law](residual),
                 self.shear_memory,
                 *(np.full(CURVE_COLUMNS, np.nan) if curve is None else curve.packed()),
             ]
@@ -209,6 +209,10 @@ def _guskov_hump(residual: float) -> float:
         else:
             high = s
     return low / (1 - 2 * low * low)
+
+
+# By the laws' numbers.
+HUMPS = (lambda residual: 0.0, _wong_hump, _guskov_hump)
 
 
 def _soil_from_yaml(content: Any, where: str) -> Soil:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from traction_model.definition import Definition, DefinitionError, build, read_text, read_yaml
-from traction_model.kernel import kernel
+from traction_model.kernel import inlined
 from traction_model.soil import Soil, load_soil
 from traction_model.wheel import Wheel
 
@@ -150,7 +150,7 @@ def _yaml_rows(path: Path) -> list[tuple[str, dict[str, Any]]]:
     return [(f'{path}: entry {number}', row) for number, row in enumerate(rows, 1)]
 
 
-@kernel
+@inlined
 def soil_row(x, starts):
     """Row of the soil at a place along the path.
 

@@ -1,5 +1,6 @@
 """Compile the kernels once, so that a node does not have to when it starts."""
 
+from traction_model.batch import simulate_batch
 from traction_model.contact import Form
 from traction_model.empirical import Brixius
 from traction_model.simulate import Plant, simulate
@@ -19,6 +20,7 @@ def main() -> None:
     tractive_figures(load_soil('paper_sand'), vehicle, [0.1])
     curve.net_traction_ratio([0.1])
     simulate(vehicle, terrain, [[0.0], [100.0], [100.0]], 0.01)
+    simulate_batch(vehicle, terrain, [[0.0], [100.0], [100.0]], 0.01)
 
 
 if __name__ == '__main__':
