@@ -69,7 +69,7 @@ class Samples:
         self.omega = recording.omega
         self.sinkage = recording.sinkage
         self.force = recording.net_force
-        self.rim_speed = self.omega * [wheel.radius for wheel in recording.vehicle.wheels]
+        self.rim_speed = recording.rim_speed
         self.drawbar = recording.columns.get('drawbar')
         if self.drawbar is None:
             drawbar = recording.run.drawbar

@@ -159,6 +159,12 @@ def test_unknown_soil_names_the_nearest():
         load_soil('xyz')
 
 
+def test_unknown_soil_of_a_file_names_the_file(tmp_path):
+    soil_file(tmp_path, SOIL)
+    with pytest.raises(DefinitionError, match=r"soils\.yaml: unknown soil 'min'; did you mean 'm"):
+        load_soil('soils.yaml:min', tmp_path)
+
+
 @pytest.mark.parametrize('name', ['mysoils.yaml', 'folder/mysoils.yml'])
 def test_file_without_a_soils_name(name):
     with pytest.raises(

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from traction_model.empirical import rms
 from traction_model.soil import load_soil
 from traction_model.soil_bin import (
     SAND_BED_WHEELS,
@@ -14,7 +15,6 @@ from traction_model.soil_bin import (
     compare_sand_bed,
     predict,
     read_trials,
-    rms,
 )
 
 TABLE = Path(__file__).resolve().parents[5] / 'shared' / 'data' / 'field' / 'single_wheel_sand.csv'

@@ -70,6 +70,7 @@ def define(tmp_path):
         ({'vary': {}}, 'vary: Dictionary should have at least 1 item'),
         ({'vary': {'soil.cohesoin': {'relative': 1}}}, r"no such quantity.*mean 'soil\.cohesion'"),
         ({'vary': {'soil.friction_angle': {'relative': 0.1}}}, "as 'soil.friction_angle_deg'"),
+        ({'vary': {'soil.unit_weight': {'relative': 0.1}}}, 'the soil has no such number'),
         ({'vary': {'torque': 0.2}}, r'vary\.torque: expected a distribution such as'),
         ({'vary': {'torque': {'relativ': 1}}}, r'vary\.torque: relativ: unknown key; .*relative'),
         (

@@ -40,6 +40,7 @@ def test_terrain_that_does_not_fit(count, starts, reason):
     ('grades', 'reason'),
     [
         ([0.1], '2 soils need as many grades, got 1'),
+        (np.array([0.1, 0.1, 0.1]), '2 soils need as many grades, got 3'),
         ([0.1, 0.9], r'grade must be within \+-pi/4 rad, got 0.9'),
         (math.nan, r'grade must be within \+-pi/4 rad, got nan'),
     ],
@@ -86,6 +87,12 @@ def test_terrain_from_a_file(tmp_path, name, text):
     assert terrain.grades.tolist() == [0.0, 0.05, 0.0]
 
 
+def test_terrain_from_a_spreadsheet(tmp_path):
+    # Some begin what they export as UTF-8 with U+FEFF.
+    (tmp_path / 'field.csv').write_text('\ufeffstart,soil\r\n,dry_sand\r\n5,snow_us\r\n')
+    assert load_terrain(tmp_path / 'field.csv').starts.tolist() == [-np.inf, 5.0]
+
+
 @pytest.mark.parametrize(
     ('name', 'text', 'reason'),
     [
@@ -97,10 +104,12 @@ def test_terrain_from_a_file(tmp_path, name, text):
         ('a.csv', 'start,soill\n,dry_sand\n', r'a\.csv: line 2: soill: unknown key; did you mean'),
         ('a.csv', 'start,soil\n,dry_sand\nx,snow_us\n', r'a\.csv: line 3: start: .*number.*x'),
         ('a.csv', 'start,soil\n,dry_sand,3\n', r'a\.csv: line 2: more: unknown key'),
+        ('a.csv', 'start,soil\n,dry_sand\n,snow_us\n', r'a\.csv: line 3: start: missing'),
         ('a.csv', '', r'a\.csv: no stretch in it'),
         ('a.yaml', 'soil: dry_sand', r'a\.yaml: expected a list, found dict'),
         ('a.yaml', '- dry_sand', r'a\.yaml: entry 1: .*dictionary'),
         ('a.yaml', '- {soil: dry_sand, grade: 1}', r'a\.yaml: entry 1: grade: '),
+        ('a.yaml', '- soil: dry_sand\n- soil: snow_us', r'a\.yaml: entry 2: start: missing'),
         ('a.yaml', '[', r'a\.yaml: not valid YAML'),
         (
             'a.yaml',

@@ -108,6 +108,11 @@ class ChronoRecording:
     sinkage: Array
     net_force: Array
 
+    @property
+    def rim_speed(self) -> Array:
+        """Speed of every wheel's rim, r*omega, m/s, forward positive, shape (k, n)."""
+        return self.omega * [wheel.radius for wheel in self.vehicle.wheels]
+
 
 def read_chrono(path: str | Path, run: ChronoRun) -> ChronoRecording:
     """Read the recording of a run.

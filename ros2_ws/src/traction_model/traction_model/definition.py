@@ -45,32 +45,59 @@ def closest(name: str, known: Iterable[str]) -> str:
     return f"; did you mean '{near[0]}'?" if near else f'; there are: {", ".join(names)}'
 
 
-def read_yaml(path: Path) -> dict[str, Any]:
-    """Read a YAML mapping.
+def read_text(path: Path) -> str:
+    """Read a text file.
+
+    Parameters
+    ----------
+    path : Path
+        File to read, UTF-8, with or without the mark that spreadsheets begin it with.
+
+    Returns
+    -------
+    str
+        The text.
+
+    Raises
+    ------
+    DefinitionError
+        If the file is missing or is not text.
+    """
+    try:
+        return path.read_text(encoding='utf-8-sig')
+    except OSError as error:
+        raise DefinitionError(f'{path}: {error.strerror}') from error
+    except UnicodeDecodeError as error:
+        raise DefinitionError(f'{path}: not text: {error}') from error
+
+
+def read_yaml(path: Path, kind: type = dict) -> Any:
+    """Read a YAML mapping or list.
 
     Parameters
     ----------
     path : Path
         File to read.
+    kind : type
+        What it must hold, `dict` or `list`.
 
     Returns
     -------
-    dict
-        The mapping in the file.
+    dict or list
+        The content of the file.
 
     Raises
     ------
     DefinitionError
-        If the file is missing, is not YAML, or does not hold a mapping.
+        If the file is missing, is not YAML, or does not hold what it must.
     """
     try:
-        content = yaml.safe_load(path.read_text(encoding='utf-8'))
-    except OSError as error:
-        raise DefinitionError(f'{path}: {error.strerror}') from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        content = yaml.safe_load(read_text(path))
+    except yaml.YAMLError as error:
         raise DefinitionError(f'{path}: not valid YAML: {error}') from error
-    if not isinstance(content, dict):
-        raise DefinitionError(f'{path}: expected a mapping, found {type(content).__name__}')
+    if not isinstance(content, kind):
+        wanted = 'mapping' if kind is dict else kind.__name__
+        raise DefinitionError(f'{path}: expected a {wanted}, found {type(content).__name__}')
     return content
 
 

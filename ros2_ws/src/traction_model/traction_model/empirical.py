@@ -485,12 +485,24 @@ def fit_curve(
     )
     net, *gross = np.split(best.fun, len(samples))
     return law._of(best.x), CurveFit(
-        _rms(net),
+        rms(net),
         float(np.max(np.abs(net))),
-        _rms(gross[0]) if gross else None,
+        rms(gross[0]) if gross else None,
         float(np.max(np.abs(gross[0]))) if gross else None,
     )
 
 
-def _rms(errors: NDArray[np.float64]) -> float:
-    return float(np.sqrt(np.mean(errors**2)))
+def rms(errors: NDArray[np.float64]) -> float:
+    """Root mean square.
+
+    Parameters
+    ----------
+    errors : ndarray
+        Errors, in any unit, at least one.
+
+    Returns
+    -------
+    float
+        In the unit of the errors.
+    """
+    return float(np.sqrt(np.mean(np.square(errors))))

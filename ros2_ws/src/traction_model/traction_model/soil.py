@@ -276,13 +276,15 @@ def preset_soils() -> dict[str, Soil]:
     return read_soils(Path(str(files('traction_model') / 'presets' / 'soils.yaml')))
 
 
-def load_soil(name: str) -> Soil:
-    """Return a preset soil.
+def load_soil(name: str, folder: str | Path = '') -> Soil:
+    """Return a preset soil, or one of one's own.
 
     Parameters
     ----------
     name : str
         Name in ``presets/soils.yaml``, or ``file.yaml:name`` for a soil of one's own.
+    folder : str or Path
+        Where the file is sought; by default here.
 
     Returns
     -------
@@ -294,10 +296,12 @@ def load_soil(name: str) -> Soil:
     DefinitionError
         If there is no such soil; the text names the nearest one.
     """
-    path, _, own = name.rpartition(':')
+    file, _, own = name.rpartition(':')
     if own.endswith(('.yaml', '.yml')):
         raise DefinitionError(f"'{name}': say which soil of the file, as in file.yaml:name")
-    soils = read_soils(path) if path else preset_soils()
+    path = Path(folder, file)
+    soils = read_soils(path) if file else preset_soils()
     if own not in soils:
-        raise DefinitionError(f"unknown soil '{own}'{closest(own, soils)}")
+        where = f'{path}: ' if file else ''
+        raise DefinitionError(f"{where}unknown soil '{own}'{closest(own, soils)}")
     return soils[own]

@@ -136,22 +136,6 @@ class Comparison(NamedTuple):
         return np.asarray((prediction.drawbar_ratio - self.trials.drawbar_ratio)[chosen])
 
 
-def rms(errors: NDArray[np.float64]) -> float:
-    """Root mean square.
-
-    Parameters
-    ----------
-    errors : ndarray
-        Errors, in any unit, at least one.
-
-    Returns
-    -------
-    float
-        In the unit of the errors.
-    """
-    return float(np.sqrt(np.mean(np.square(errors))))
-
-
 def read_trials(path: str | Path) -> dict[str, Trials]:
     """Read trials from a CSV table.
 

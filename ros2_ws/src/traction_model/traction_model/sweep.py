@@ -5,7 +5,7 @@ alone, so it does not matter who simulates which of them.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar
@@ -551,13 +551,10 @@ def _check_values(sweep: Sweep, path: Path) -> None:
                 raise DefinitionError(f'{path}: vary.{quantity.name}: {error}') from error
 
 
-def _named(load: Any, name: str, path: Path, key: str) -> Any:
+def _named(load: Callable[[str, Path], Loaded], name: str, path: Path, key: str) -> Loaded:
     """Load a vehicle or soil; a file of one's own is looked for beside the definition."""
-    file, colon, own = name.rpartition(':') if ':' in name else (name, '', '')
-    if Path(file).suffix in ('.yaml', '.yml'):
-        name = f'{path.parent / file}{colon}{own}'
     try:
-        return load(name)
+        return load(name, path.parent)
     except DefinitionError as error:
         raise DefinitionError(f'{path}: {key}: {error}') from error
 
@@ -575,6 +572,9 @@ def _unknown(name: str, known: Iterable[str]) -> str:
         return f'there are several; name one of {", ".join(numbered)}'
     if f'{name}_deg' in names:
         return f"give it in degrees, as '{name}_deg'"
+    first, *_, last = name.split('.')
+    if first == 'soil' and last in Soil.model_fields:
+        return 'the soil has no such number, so nothing that could vary'
     return f'there is no such quantity{closest(name, names)}'
 
 

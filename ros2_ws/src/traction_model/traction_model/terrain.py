@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 from pydantic import Field
 
-from traction_model.definition import Definition, DefinitionError, build
+from traction_model.definition import Definition, DefinitionError, build, read_text, read_yaml
 from traction_model.kernel import inlined
 from traction_model.soil import Soil, load_soil
 from traction_model.wheel import Wheel
@@ -55,8 +54,8 @@ class Terrain:
         self.starts = np.array([-np.inf, *starts])
         if not np.all(np.isfinite(self.starts[1:])) or np.any(np.diff(self.starts) <= 0):
             raise ValueError(f'starts of soils must be finite and increase, got {list(starts)} m')
-        if isinstance(grades, Sequence) and len(grades) != len(self.soils):
-            raise ValueError(f'{len(self.soils)} soils need as many grades, got {len(grades)}')
+        if np.shape(grades) not in ((), (len(self.soils),)):
+            raise ValueError(f'{len(self.soils)} soils need as many grades, got {np.size(grades)}')
         self.grades = np.array(np.broadcast_to(grades, len(self.soils)), dtype=float)
         for grade in self.grades:
             if not abs(grade) <= STEEPEST:
@@ -84,7 +83,7 @@ class Stretch(Definition):
     Attributes
     ----------
     start : float
-        Where it begins, m along the path; not used of the first.
+        Where it begins, m along the path; must be given of all but the first.
     soil : str
         A preset, or ``file.yaml:name``.
     grade : float
@@ -118,13 +117,14 @@ def load_terrain(path: str | Path) -> Terrain:
     """
     path = Path(path)
     rows = _csv_rows(path) if path.suffix.lower() == '.csv' else _yaml_rows(path)
-    stretches = []
+    stretches: list[Stretch] = []
     soils = []
     for where, row in rows:
         stretch = build(Stretch, row, where)
-        file, _, name = stretch.soil.rpartition(':')
+        if stretches and 'start' not in stretch.model_fields_set:
+            raise DefinitionError(f'{where}: start: missing, as of all stretches but the first')
         try:
-            soils.append(load_soil(f'{path.parent / file}:{name}' if file else name))
+            soils.append(load_soil(stretch.soil, path.parent))
         except DefinitionError as error:
             raise DefinitionError(f'{where}: soil: {error}') from error
         stretches.append(stretch)
@@ -136,17 +136,8 @@ def load_terrain(path: str | Path) -> Terrain:
         raise DefinitionError(f'{path}: {error}') from error
 
 
-def _read(path: Path) -> str:
-    try:
-        return path.read_text(encoding='utf-8')
-    except OSError as error:
-        raise DefinitionError(f'{path}: {error.strerror}') from error
-    except UnicodeDecodeError as error:
-        raise DefinitionError(f'{path}: not text: {error}') from error
-
-
 def _csv_rows(path: Path) -> list[tuple[str, dict[str, Any]]]:
-    rows = csv.DictReader(_read(path).splitlines(), restkey='more')
+    rows = csv.DictReader(read_text(path).splitlines(), restkey='more')
     return [
         # An empty cell is one that was not given.
         (f'{path}: line {rows.line_num}', {key: value for key, value in row.items() if value})
@@ -155,13 +146,8 @@ def _csv_rows(path: Path) -> list[tuple[str, dict[str, Any]]]:
 
 
 def _yaml_rows(path: Path) -> list[tuple[str, dict[str, Any]]]:
-    try:
-        content = yaml.safe_load(_read(path))
-    except yaml.YAMLError as error:
-        raise DefinitionError(f'{path}: not valid YAML: {error}') from error
-    if not isinstance(content, list):
-        raise DefinitionError(f'{path}: expected a list, found {type(content).__name__}')
-    return [(f'{path}: entry {number}', row) for number, row in enumerate(content, 1)]
+    rows = read_yaml(path, list)
+    return [(f'{path}: entry {number}', row) for number, row in enumerate(rows, 1)]
 
 
 @inlined

@@ -170,7 +170,7 @@ class Vehicle(Definition):
         )
 
 
-def load_vehicle(name: str | Path) -> Vehicle:
+def load_vehicle(name: str | Path, folder: str | Path = '') -> Vehicle:
     """Load a vehicle from a preset or a file.
 
     Parameters
@@ -178,6 +178,8 @@ def load_vehicle(name: str | Path) -> Vehicle:
     name : str or Path
         A preset (``single_wheel_rig``, ``tractor_4wd``) or the path of a YAML file laid out
         like theirs, in SI units.
+    folder : str or Path
+        Where the file is sought; by default here.
 
     Returns
     -------
@@ -190,7 +192,7 @@ def load_vehicle(name: str | Path) -> Vehicle:
         Naming file and key of what is wrong, or the nearest preset.
     """
     presets = {path.stem: path for path in _preset_folder().glob('*.yaml')}
-    path = presets.get(str(name), Path(name))
+    path = presets.get(str(name), Path(folder, name))
     if path.suffix not in ('.yaml', '.yml'):
         raise DefinitionError(f"unknown vehicle '{name}'{closest(str(name), presets)}")
     return build(Vehicle, read_yaml(path), str(path))

@@ -96,11 +96,10 @@ def slips_of(recording: ChronoRecording) -> NDArray[np.float64]:
     ndarray, shape (k, n)
         Slip, -1 to 1.
     """
-    rims = recording.omega * [wheel.radius for wheel in recording.vehicle.wheels]
     return np.array(
         [
             [slip(v, rim) for rim in row]
-            for v, row in zip(recording.v.tolist(), rims.tolist(), strict=True)
+            for v, row in zip(recording.v.tolist(), recording.rim_speed.tolist(), strict=True)
         ]
     )
 
@@ -176,8 +175,7 @@ def errors(recording: ChronoRecording, trajectory: Trajectory) -> Errors:
         In m/s, rad/s and slip.
     """
     last = slice(len(recording.t) - len(trajectory.t), None)
-    rims = recording.omega * [wheel.radius for wheel in recording.vehicle.wheels]
-    moving = np.abs(rims[last]) > LEAST_SPEED
+    moving = np.abs(recording.rim_speed[last]) > LEAST_SPEED
     by_speed = np.abs(trajectory.v - recording.v[last])
     by_wheel = np.abs(trajectory.omega - recording.omega[last])
     by_slip = np.abs(trajectory.slip - slips_of(recording)[last])[moving]
@@ -188,3 +186,27 @@ def errors(recording: ChronoRecording, trajectory: Trajectory) -> Errors:
             for figure in (error.max(), error.mean())
         )
     )
+
+
+def exceeded(found: Errors, limits: Errors, factor: float = 1.0) -> list[str]:
+    """Names of the errors that are above their limits.
+
+    Parameters
+    ----------
+    found : Errors
+        Errors of a run: m/s, rad/s, dimensionless.
+    limits : Errors
+        What they are held to, in the same units; infinite where they are held to nothing.
+    factor : float
+        How many times the limits are allowed, dimensionless.
+
+    Returns
+    -------
+    list of str
+        Fields of `Errors`, in their order.
+    """
+    return [
+        name
+        for name, error, limit in zip(Errors._fields, found, limits, strict=True)
+        if error > factor * limit
+    ]
