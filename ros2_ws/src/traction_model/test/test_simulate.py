@@ -213,19 +213,15 @@ def test_engine_power_limits_all_torques_alike():
     assert plant.shaft_torque[0] < 1500
 
 
-def model(plant):
-    return plant._model
-
-
 def test_drawbar_by_hand():
-    plant = Plant(TRACTOR, LOAM, drawbar=Drawbar(pull=6000, pull_per_speed=1500, ramp=2.0))
+    draft = (6000.0, 1500.0, 2.0)
     # Half of the ramp: (6000 + 1500*2)/2; all of it; backward motion is resisted, too;
     # at a fifth of 0.05 m/s, a fifth.
-    assert drawbar_force(1.0, 2.0, model(plant)) == pytest.approx(4500)
-    assert drawbar_force(5.0, 2.0, model(plant)) == pytest.approx(9000)
-    assert drawbar_force(5.0, -2.0, model(plant)) == pytest.approx(-9000)
-    assert drawbar_force(5.0, 0.01, model(plant)) == pytest.approx((6000 + 15) / 5)
-    assert drawbar_force(5.0, 0.0, model(plant)) == 0.0
+    assert drawbar_force(1.0, 2.0, *draft) == pytest.approx(4500)
+    assert drawbar_force(5.0, 2.0, *draft) == pytest.approx(9000)
+    assert drawbar_force(5.0, -2.0, *draft) == pytest.approx(-9000)
+    assert drawbar_force(5.0, 0.01, *draft) == pytest.approx((6000 + 15) / 5)
+    assert drawbar_force(5.0, 0.0, *draft) == 0.0
 
 
 def resistance_of(plant):

@@ -139,7 +139,7 @@ class Model(NamedTuple):
 
 
 @inlined
-def drawbar_force(t, v, model):
+def drawbar_force(t, v, pull, pull_per_speed, ramp):
     """Draft at a time and speed.
 
     Parameters
@@ -148,17 +148,17 @@ def drawbar_force(t, v, model):
         Time since the start, s.
     v : float
         Speed, m/s.
-    model : Model
-        What does not change, SI units.
+    pull, pull_per_speed, ramp : float
+        Those of a `Drawbar`, N, N*s/m, s.
 
     Returns
     -------
     float
         N, backward positive; fades out at standstill, as an implement does not push.
     """
-    share = min(1.0, t / model.pull_ramp) if model.pull_ramp > 0.0 else 1.0
+    share = min(1.0, t / ramp) if ramp > 0.0 else 1.0
     direction = max(-1.0, min(1.0, v / LEAST_TRANSIT_SPEED))
-    return direction * share * (model.pull + model.pull_per_speed * abs(v))
+    return direction * share * (pull + pull_per_speed * abs(v))
 
 
 @inlined
@@ -197,7 +197,7 @@ def derivative(t, y, torque, given, row, share, model, ruts, forces, slope, n, f
     mass = model.mass
     wheels = model.wheels
     v = y[SPEED]
-    pull = drawbar_force(t, v, model)
+    pull = drawbar_force(t, v, model.pull, model.pull_per_speed, model.pull_ramp)
     drag = model.drag * v * abs(v)
     grade = model.grades[soil_row(y[DISTANCE], model.starts)]
     weight = mass * GRAVITY
@@ -705,7 +705,8 @@ class Plant:
         grade = self._model.grades[soil_row(self.x, self._model.starts)]
         climb = self._model.mass * GRAVITY * math.sin(grade)
         drag = self._model.drag * self.v * abs(self.v)
-        pull = drawbar_force(self.t, self.v, self._model)
+        model = self._model
+        pull = drawbar_force(self.t, self.v, model.pull, model.pull_per_speed, model.pull_ramp)
         return float(self.forces[:, 2].sum() + pull + climb + drag)
 
     def step(self, torque: ArrayLike, duration: float) -> None:

@@ -17,7 +17,6 @@ from scipy.stats import qmc
 
 from traction_model.definition import Definition, DefinitionError, build, closest, read_yaml
 from traction_model.distribution import Distribution
-from traction_model.kernel import kernel
 from traction_model.simulate import Drawbar, Trajectory, drawbar_force, simulate
 from traction_model.slip import LEAST_SPEED
 from traction_model.soil import Soil, load_soil
@@ -700,22 +699,6 @@ def _drive(sweep: Sweep, draw: Draw) -> Row:
     return figures(trajectory, torque, scenario, definition.settle)
 
 
-class _Pull(NamedTuple):
-    """What `drawbar_force` needs of a model."""
-
-    pull: float
-    pull_per_speed: float
-    pull_ramp: float
-
-
-@kernel
-def _drafts(t, v, pull):
-    draft = np.empty_like(v)
-    for k in range(v.size):
-        draft[k] = drawbar_force(t[k], v[k], pull)
-    return draft
-
-
 def figures(trajectory: Trajectory, torque: Array, scenario: Scenario, settle: float) -> Row:
     """Figures of one drive.
 
@@ -753,7 +736,8 @@ def figures(trajectory: Trajectory, torque: Array, scenario: Scenario, settle: f
     slip = trajectory.slip[judged][valid[judged]]
 
     draft = scenario.drawbar
-    pull = _drafts(t, v, _Pull(draft.pull, draft.pull_per_speed, draft.ramp))
+    of_draft = (draft.pull, draft.pull_per_speed, draft.ramp)
+    pull = np.array([drawbar_force(*now, *of_draft) for now in zip(t, v, strict=True)])
     work = float(np.trapezoid((pull * v)[judged], t[judged]))
     power = (torque * trajectory.omega).sum(axis=1)
     energy = float(np.trapezoid(power[judged], t[judged]))

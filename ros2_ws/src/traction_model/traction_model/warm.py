@@ -16,7 +16,10 @@ def main() -> None:
     curve = Brixius(mobility_number=30)
     terrain = Terrain(load_soil('paper_sand').model_copy(update={'traction_curve': curve}))
     for form in Form:
-        Plant(vehicle, terrain, form=form).step([100.0], 0.01)
+        plant = Plant(vehicle, terrain, form=form)
+        plant.step([100.0], 0.01)
+    # What the node asks a plant.
+    _ = plant.slip, plant.slip_valid, plant.max_shear_stress, plant.motion_resistance
     tractive_figures(load_soil('paper_sand'), vehicle, [0.1])
     curve.net_traction_ratio([0.1])
     simulate(vehicle, terrain, [[0.0], [100.0], [100.0]], 0.01)
