@@ -419,20 +419,9 @@ def integrate(
     for k in range(last + 1):
         row = min(k, last - 1)
         derivative(
-            t0 + k * dt,
-            y,
-            torque,
-            given,
-            row,
-            float(k - row),
-            model,
-            ruts,
-            forces,
-            work[0],
-            n,
-            form,
-            mode,
-        )
+            t0 + k * dt, y, torque, given, row, float(k - row), model, ruts, forces, work[0], n,
+            form, mode,
+        )  # fmt: skip
         if k % every == 0:
             kept = k // every
             for i in range(2 + 3 * n):
@@ -461,20 +450,9 @@ def _run(t0, dt, y, torque, given, model, ruts, forces, work, states, logged):
 @lean_kernel
 def _begin(y, torque, given, model, ruts, forces, work):
     derivative(
-        0.0,
-        y,
-        torque,
-        given,
-        0,
-        0.0,
-        model,
-        ruts,
-        forces,
-        work[0],
-        model.wheels.shape[0],
-        model.form,
-        model.mode,
-    )
+        0.0, y, torque, given, 0, 0.0, model, ruts, forces, work[0], model.wheels.shape[0],
+        model.form, model.mode,
+    )  # fmt: skip
 
 
 @lean_kernel
@@ -494,35 +472,13 @@ def _drive(
             shaft[j] = target + (torque[0, j] - target) * keep
             torque[1, j] = shaft[j]
         derivative(
-            t + k * dt,
-            y,
-            torque,
-            given,
-            0,
-            0.0,
-            model,
-            ruts,
-            forces,
-            work[0],
-            model.wheels.shape[0],
-            model.form,
-            model.mode,
-        )
+            t + k * dt, y, torque, given, 0, 0.0, model, ruts, forces, work[0],
+            model.wheels.shape[0], model.form, model.mode,
+        )  # fmt: skip
         advance(
-            t + k * dt,
-            dt,
-            y,
-            torque,
-            given,
-            0,
-            model,
-            ruts,
-            forces,
-            work,
-            model.wheels.shape[0],
-            model.form,
-            model.mode,
-        )
+            t + k * dt, dt, y, torque, given, 0, model, ruts, forces, work,
+            model.wheels.shape[0], model.form, model.mode,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
