@@ -4,12 +4,11 @@ The model starts from Chrono's state at 0.3 s and takes Chrono's torque; sinkage
 from Chrono, too (*fed*; from equilibrium where it is not positive), or the model's own
 (*predicted*). Errors are those of the paper's Table 3.
 
-Two numbers stand for Chrono's own numerics, the same for all runs:
+Two numbers stand for Chrono's own numerics, fitted on these runs and the same for all:
 
-- Its contact search finds a wheel before it touches, by up to a centimetre; soil is met as if
-  the wheel were `CONTACT_OFFSET` deeper than its centre says.
-- It counts shear displacement by whole time steps, so that soil has been sheared for
-  `SHEAR_STEP` when it first bears.
+- Soil bears as if a wheel were `CONTACT_OFFSET` deeper than its centre says.
+- Soil has been sheared for `SHEAR_STEP` when it first bears, as Chrono counts shear
+  displacement by whole time steps.
 """
 
 import math
@@ -28,7 +27,7 @@ START = 0.3
 """Time at which the model takes over from Chrono, s."""
 
 CONTACT_OFFSET = 0.005
-"""How much deeper than its centre says Chrono's contact search finds a wheel, m."""
+"""How much deeper than its centre says a wheel of Chrono meets soil, m."""
 
 SHEAR_STEP = 1e-4
 """For how long soil has been sheared when Chrono's wheel first bears on it, s."""
