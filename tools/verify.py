@@ -32,7 +32,6 @@ from traction_model.verification import (
     errors,
     exceeded,
     follow,
-    slips_of,
 )
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -88,7 +87,7 @@ def draw_runs(recordings, motions, path):
         fed, predicted = motions[name]
         first = slice(len(recording.t) - len(fed.t), None)
         # The last wheel: of the tractor, one that runs in a rut.
-        slips = slips_of(recording)[first, -1]
+        slips = recording.slip[first, -1]
         for axis, chronos, quantity in (
             (speed, recording.v[first], 'v'),
             (slip, slips, 'slip'),
@@ -172,7 +171,7 @@ def chrono_section(recordings, motions, found):
     low = recordings['wheel_low_slip']
     fed, _ = motions['wheel_low_slip']
     first = len(low.t) - len(fed.t)
-    chronos = slips_of(low)[first:, 0]
+    chronos = low.slip[first:, 0]
     off = np.abs(fed.slip[:, 0] - chronos)
     worst = int(off.argmax())
     jumps = np.abs(np.diff(chronos))

@@ -17,7 +17,6 @@ from traction_model.verification import (
     errors,
     exceeded,
     follow,
-    slips_of,
 )
 
 
@@ -55,7 +54,7 @@ def test_errors_by_hand(chrono):
             **vars(motion),
             'v': recording.v[last] + 0.1,
             'omega': omega,
-            'slip': slips_of(recording)[last],
+            'slip': recording.slip[last],
         }
     )
     found = errors(recording, made)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from traction_model.simulate import Drawbar
+from traction_model.slip import slips
 from traction_model.soil import load_soil
 from traction_model.terrain import Terrain
 from traction_model.vehicle import Vehicle, load_vehicle
@@ -112,6 +113,11 @@ class ChronoRecording:
     def rim_speed(self) -> Array:
         """Speed of every wheel's rim, r*omega, m/s, forward positive, shape (k, n)."""
         return self.omega * [wheel.radius for wheel in self.vehicle.wheels]
+
+    @property
+    def slip(self) -> Array:
+        """Slip of every wheel, -1 to 1, shape (k, n)."""
+        return np.asarray(slips(self.v, self.rim_speed))
 
 
 def read_chrono(path: str | Path, run: ChronoRun) -> ChronoRecording:

@@ -15,12 +15,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from traction_model.chrono import SAMPLE_TIME, ChronoRecording
 from traction_model.contact import Form
 from traction_model.simulate import Trajectory, simulate
-from traction_model.slip import LEAST_SPEED, slip
+from traction_model.slip import LEAST_SPEED
 from traction_model.terrain import Terrain
 
 START = 0.3
@@ -80,27 +79,6 @@ Chrono's own slip jumps by more than that between samples, as the wheel meets ce
 
 PREDICTED_FACTOR = 3.0
 """How many times `LIMITS` the errors may be with predicted sinkage, dimensionless."""
-
-
-def slips_of(recording: ChronoRecording) -> NDArray[np.float64]:
-    """Slip of every wheel of a recording.
-
-    Parameters
-    ----------
-    recording : ChronoRecording
-        The recording.
-
-    Returns
-    -------
-    ndarray, shape (k, n)
-        Slip, -1 to 1.
-    """
-    return np.array(
-        [
-            [slip(v, rim) for rim in row]
-            for v, row in zip(recording.v.tolist(), recording.rim_speed.tolist(), strict=True)
-        ]
-    )
 
 
 def follow(
@@ -177,7 +155,7 @@ def errors(recording: ChronoRecording, trajectory: Trajectory) -> Errors:
     moving = np.abs(recording.rim_speed[last]) > LEAST_SPEED
     by_speed = np.abs(trajectory.v - recording.v[last])
     by_wheel = np.abs(trajectory.omega - recording.omega[last])
-    by_slip = np.abs(trajectory.slip - slips_of(recording)[last])[moving]
+    by_slip = np.abs(trajectory.slip - recording.slip[last])[moving]
     return Errors(
         *(
             float(figure)
