@@ -195,6 +195,58 @@ def test_plant_steps_as_simulate_does(sinkage):
     assert plant.slip == pytest.approx(run.slip[-1], abs=1e-6)
 
 
+def test_plant_starts_rolling_as_simulate_does():
+    run = simulate(RIG, SAND, constant([300.0], 0.1, 1e-3), 1e-3, v0=2.0)
+    plant = Plant(RIG, SAND, v0=2.0)
+    assert plant.slip == [0.0]
+    plant.step([300.0], 0.1)
+    assert plant.v == pytest.approx(run.v[-1], rel=1e-9)
+    assert plant.omega == pytest.approx(run.omega[-1], rel=1e-9)
+
+
+def test_draft_that_changes_on_the_way_by_hand():
+    # All else the same at the same instant: m*v' differs by the pull, but for what load it moves.
+    speeds = []
+    for pull in (0.0, 8880.0):
+        plant = Plant(TRACTOR, LOAM, v0=2.0)
+        plant.step([1000.0] * 4, 0.1)
+        before = plant.v
+        plant.drawbar = Drawbar(pull)
+        assert plant.drawbar.pull == pull
+        plant.step([1000.0] * 4, 1e-3)
+        speeds.append((plant.v - before) / 1e-3)
+    assert speeds[0] - speeds[1] == pytest.approx(8880.0 / 4440.0, rel=0.02)
+
+
+def test_terrain_laid_ahead_on_the_way_is_as_if_it_had_been_there():
+    soft = load_soil('soft_patch_chrono')
+    terrain = Terrain([LOAM, soft], [3.0], [0.0, 0.05])
+    laid, there = Plant(TRACTOR, LOAM, v0=2.0), Plant(TRACTOR, terrain, v0=2.0)
+    laid.step([1500.0] * 4, 0.2)
+    # The front wheels' contact has not reached 3.0 m yet.
+    assert laid.x + 2.4 + 0.65 * math.sin(math.acos(1 - laid.sinkage[0] / 0.65)) < 3.0
+    laid.terrain = terrain
+    laid.step([1500.0] * 4, 1.5)
+    there.step([1500.0] * 4, 0.2)
+    there.step([1500.0] * 4, 1.5)
+    assert there.x > 3.0
+    np.testing.assert_array_equal(laid.state, there.state)
+
+
+def test_soil_under_the_left_wheels_alone():
+    # In the same state every wheel has the forces that it has where all is its soil.
+    soft = load_soil('soft_patch_chrono')
+    split, left, right = (
+        Plant(TRACTOR, Terrain(soil), v0=2.0) for soil in ([(soft, LOAM)], soft, LOAM)
+    )
+    # But for the first column: load transfer is the vehicle's.
+    assert split.forces[[0, 2], 1:] == pytest.approx(left.forces[[0, 2], 1:], rel=1e-9)
+    assert split.forces[[1, 3], 1:] == pytest.approx(right.forces[[1, 3], 1:], rel=1e-9)
+    assert split.max_shear_stress[0] < 0.8 * split.max_shear_stress[1]
+    with pytest.raises(ValueError, match='soils are given for 2 tracks, the vehicle runs in 1'):
+        Plant(RIG, Terrain([(soft, LOAM)]))
+
+
 def test_shaft_torque_lags_behind_the_command():
     # First order: after one time constant 1 - exp(-1) of the step.
     plant = Plant(RIG, SAND, torque_time_constant=0.1)
@@ -527,6 +579,7 @@ def test_what_simulate_refuses():
         ({'torque_time_constant': -0.1}, 'torque_time_constant must be at least 0 s, got -0.1'),
         ({'max_power': 0.0}, 'max_power must be above 0 W, got 0.0'),
         ({'step_size': 0.0}, 'step_size must be above 0 and at most 0.01 s, got 0.0'),
+        ({'v0': math.nan}, 'v0 must be finite, got nan m/s'),
     ],
 )
 def test_what_a_plant_refuses(argument, reason):

@@ -127,3 +127,23 @@ def test_terrain_file_that_is_wrong(tmp_path, name, text, reason):
 def test_missing_terrain_file(tmp_path):
     with pytest.raises(DefinitionError, match=r'none\.csv: No such file'):
         load_terrain(tmp_path / 'none.csv')
+
+
+def test_soil_that_differs_across_the_path():
+    sand, snow, clay = (load_soil(name) for name in ('dry_sand', 'snow_us', 'heavy_clay_25'))
+    terrain = Terrain([sand, (snow, clay)], [5.0])
+    assert terrain.n_tracks == 2
+    assert Terrain([sand, snow], [5.0]).n_tracks is None
+    assert [terrain.soil(row, track) for row in (0, 1) for track in (0, 1)] == [
+        sand, sand, snow, clay,
+    ]  # fmt: skip
+    wheel = Wheel(radius=0.5, width=0.4, inertia=20)
+    np.testing.assert_array_equal(terrain.packed(wheel, 0)[1], snow.packed(wheel))
+    np.testing.assert_array_equal(terrain.packed(wheel, 1)[1], clay.packed(wheel))
+
+
+@pytest.mark.parametrize('tracks', [(2, 3), (0,)])
+def test_soils_across_the_path_that_do_not_fit(tracks):
+    soils = [(load_soil('dry_sand'),) * count for count in tracks]
+    with pytest.raises(ValueError, match='soils across the path are given for'):
+        Terrain(soils, [5.0][: len(soils) - 1])

@@ -545,6 +545,8 @@ class Plant:
         reduced alike.
     step_size : float
         Longest integration step, s, above 0.
+    v0 : float
+        Speed at the start, m/s; the wheels roll without slip.
 
     Raises
     ------
@@ -564,6 +566,7 @@ class Plant:
         torque_time_constant: float = 0.0,
         max_power: float = math.inf,
         step_size: float = 1e-3,
+        v0: float = 0.0,
     ) -> None:
         if sinkage not in ('dynamic', 'equilibrium'):
             raise ValueError(f"sinkage must be 'dynamic' or 'equilibrium', got {sinkage!r}")
@@ -575,16 +578,24 @@ class Plant:
             raise ValueError(f'max_power must be above 0 W, got {max_power}')
         if not 0 < step_size <= 0.01:
             raise ValueError(f'step_size must be above 0 and at most 0.01 s, got {step_size}')
+        if not math.isfinite(v0):
+            raise ValueError(f'v0 must be finite, got {v0} m/s')
         self.vehicle = vehicle
         self.torque_time_constant = torque_time_constant
         self.max_power = max_power
         self.step_size = step_size
         self._radii = np.array([wheel.radius for wheel in vehicle.wheels])
+        self._form = form
+        self._sinkage: Literal['dynamic', 'equilibrium'] = sinkage
+        self._multipass = multipass
         self._terrain = _terrain(terrain)
-        self._model = pack(vehicle, terrain, form, sinkage, drawbar, multipass)
+        self._drawbar = drawbar
+        self._pack()
         self._ruts = _fresh_ruts(vehicle)
         self.t = 0.0
         self.state = initial_state(vehicle, terrain, form)
+        self.state[SPEED] = v0
+        self.state[FIRST_WHEEL : FIRST_WHEEL + self.n_wheels] = v0 / self._radii
         self.shaft_torque = np.zeros(self.n_wheels)
         self.forces = np.zeros((self.n_wheels, 7))
         self.forces[:, 0] = vehicle.static_loads()
@@ -596,6 +607,31 @@ class Plant:
             self.state, self._torque, self._not_given, self._model, self._ruts, self.forces,
             self._work,
         )  # fmt: skip
+
+    def _pack(self) -> None:
+        self._model = pack(
+            self.vehicle, self._terrain, self._form, self._sinkage, self._drawbar, self._multipass
+        )
+
+    @property
+    def terrain(self) -> Terrain:
+        """What it drives on; may be changed on the way, SI units. Ruts stay."""
+        return self._terrain
+
+    @terrain.setter
+    def terrain(self, terrain: Terrain | Soil) -> None:
+        self._terrain = _terrain(terrain)
+        self._pack()
+
+    @property
+    def drawbar(self) -> Drawbar:
+        """Draft of the implement, N; may be changed on the way. Its ramp counts from t = 0."""
+        return self._drawbar
+
+    @drawbar.setter
+    def drawbar(self, drawbar: Drawbar) -> None:
+        self._drawbar = drawbar
+        self._pack()
 
     @property
     def n_wheels(self) -> int:
@@ -647,9 +683,8 @@ class Plant:
         """c + (N/A)*tan(phi) over the contact arc of every wheel, Pa, n entries."""
         stresses = []
         for j, wheel in enumerate(self.vehicle.wheels):
-            soil = self._terrain.soils[
-                soil_row(self.x + self.vehicle.wheel_positions[j], self._terrain.starts)
-            ]
+            row = soil_row(self.x + self.vehicle.wheel_positions[j], self._terrain.starts)
+            soil = self._terrain.soil(row, self.vehicle.tracks[j])
             depth = min(max(float(self.forces[j, 4]), 1e-3), wheel.radius)
             area = wheel.width * wheel.radius * math.acos(1.0 - depth / wheel.radius)
             stresses.append(soil.max_shear_stress(float(self.forces[j, 5]) / area))
@@ -718,12 +753,14 @@ def initial_state(vehicle: Vehicle, terrain: Terrain | Soil, form: Form = Form.C
     terrain = _terrain(terrain)
     n = len(vehicle.wheels)
     state = np.zeros(FIRST_WHEEL + 3 * n)
-    for j, (wheel, x, load) in enumerate(
-        zip(vehicle.wheels, vehicle.wheel_positions, vehicle.static_loads(), strict=True)
-    ):
+    places = zip(
+        vehicle.wheels, vehicle.wheel_positions, vehicle.static_loads(), vehicle.tracks,
+        strict=True,
+    )  # fmt: skip
+    for j, (wheel, x, load, track) in enumerate(places):
         state[FIRST_WHEEL + n + j] = sinkage_at(
-            int(form), 0.0, 0.0, load, x, terrain.packed(wheel), terrain.starts, wheel.radius,
-            wheel.width, -1, UNTOUCHED, 0.0,
+            int(form), 0.0, 0.0, load, x, terrain.packed(wheel, track), terrain.starts,
+            wheel.radius, wheel.width, -1, UNTOUCHED, 0.0,
         )  # fmt: skip
     return state
 
@@ -881,19 +918,32 @@ def pack(
     Raises
     ------
     ValueError
-        If sinkage is none of these, or the soils lack what the form needs.
+        If sinkage is none of these, the soils lack what the form needs, or they are given for
+        another number of tracks than the vehicle has.
     """
     if sinkage not in SINKAGE_MODES:
         raise ValueError(f"sinkage must be 'dynamic', 'equilibrium' or samples, got {sinkage!r}")
     terrain = _terrain(terrain)
-    check_form(form, terrain.soils)
+    tracks = vehicle.tracks
+    n_tracks = max(tracks) + 1
+    if terrain.n_tracks not in (None, n_tracks):
+        raise ValueError(
+            f'soils are given for {terrain.n_tracks} tracks, the vehicle runs in {n_tracks}'
+        )
+    rows = range(len(terrain.soils))
+    check_form(form, [terrain.soil(row, track) for row in rows for track in set(tracks)])
     cg_x, cg_height = vehicle.centre_of_gravity
     return Model(
         form=int(form),
         mode=SINKAGE_MODES[sinkage],
         wheels=vehicle.packed_wheels(multipass),
         spread=np.ascontiguousarray(vehicle.load_distribution()),
-        soils=np.array([terrain.packed(wheel) for wheel in vehicle.wheels]),
+        soils=np.array(
+            [
+                terrain.packed(wheel, track)
+                for wheel, track in zip(vehicle.wheels, tracks, strict=True)
+            ]
+        ),
         starts=terrain.starts,
         grades=terrain.grades,
         mass=float(vehicle.mass),

@@ -24,8 +24,9 @@ class Terrain:
 
     Parameters
     ----------
-    soils : Soil or sequence of Soil
-        The soils in the order in which they are met.
+    soils : Soil or sequence
+        The soils in the order in which they are met: each a Soil, or a tuple with one Soil for
+        every track from left to right (`Vehicle.tracks`), where it differs across the path.
     starts : sequence of float
         Where each soil but the first begins, m along the path from where the rear axle
         starts, strictly increasing.
@@ -33,16 +34,21 @@ class Terrain:
         Slope of the path, rad, uphill positive, within +-pi/4: of the whole path, or from the
         start of each soil on. It acts where the rear axle is.
 
+    Attributes
+    ----------
+    n_tracks : int or None
+        Number of tracks that soils are given for; None where none differs across the path.
+
     Raises
     ------
     ValueError
-        If the numbers of soils, starts and grades do not fit, starts do not increase, or a
-        grade is too steep.
+        If the numbers of soils, starts and grades do not fit, starts do not increase, a
+        grade is too steep, or soils are given for another number of tracks here than there.
     """
 
     def __init__(
         self,
-        soils: Soil | Sequence[Soil],
+        soils: Soil | Sequence[Soil | tuple[Soil, ...]],
         starts: Sequence[float] = (),
         grades: float | Sequence[float] = 0.0,
     ) -> None:
@@ -60,21 +66,46 @@ class Terrain:
         for grade in self.grades:
             if not abs(grade) <= STEEPEST:
                 raise ValueError(f'grade must be within +-pi/4 rad, got {grade}')
+        tracks = sorted({len(soil) for soil in self.soils if not isinstance(soil, Soil)})
+        if len(tracks) > 1 or tracks == [0]:
+            raise ValueError(f'soils across the path are given for {tracks} tracks')
+        self.n_tracks = tracks[0] if tracks else None
 
-    def packed(self, wheel: Wheel) -> NDArray[np.float64]:
+    def soil(self, row: int, track: int) -> Soil:
+        """Soil of one stretch under one track.
+
+        Parameters
+        ----------
+        row : int
+            Number of the stretch, from 0.
+        track : int
+            Number of the track, from 0 at the left, dimensionless.
+
+        Returns
+        -------
+        Soil
+            The soil, in SI units.
+        """
+        soil = self.soils[row]
+        return soil if isinstance(soil, Soil) else soil[track]
+
+    def packed(self, wheel: Wheel, track: int = 0) -> NDArray[np.float64]:
         """Pack the soils as a wheel meets them, for the kernels.
 
         Parameters
         ----------
         wheel : Wheel
             The wheel.
+        track : int
+            The track in which it runs, from 0 at the left, dimensionless.
 
         Returns
         -------
         ndarray, shape (k, 17)
             The soils in SI units, see `Soil.packed`.
         """
-        return np.array([soil.packed(wheel) for soil in self.soils])
+        rows = range(len(self.soils))
+        return np.array([self.soil(row, track).packed(wheel) for row in rows])
 
 
 class Stretch(Definition):
