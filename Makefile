@@ -2,7 +2,7 @@
 PYTHON ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test verify bench lint bags clean
+.PHONY: help setup demo test verify evaluate bench lint bags clean
 
 help:  ## Show this list
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' Makefile | expand -t 16
@@ -18,6 +18,9 @@ test: setup  ## Run every test
 
 verify: setup  ## Compare the model with Chrono, the paper and wheel tests: docs/verification.md
 	@.venv/bin/python tools/verify.py
+
+evaluate: setup  ## Slip control in closed loop over 2,048 draws, and estimation: docs/control.md
+	@.venv/bin/python tools/evaluate.py
 
 bench: setup  ## Speed of the model against scipy and Octave; fails where a target is missed
 	@.venv/bin/python benchmarks/model.py

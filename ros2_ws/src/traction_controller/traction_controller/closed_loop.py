@@ -158,7 +158,7 @@ class Truth:
             y = max(abs(float(self.slip[j])) * path, 1e-6)
             slope = (shear_deficit(y) - math.exp(-y)) / y if y > 1e-4 else 0.5
             slopes.append(wheel.width * length * path * slope)
-        return np.asarray(plant.max_shear_stress) * np.array(slopes)
+        return np.asarray(np.array(plant.max_shear_stress) * np.array(slopes))
 
 
 class ClosedLoop:

@@ -1,0 +1,585 @@
+"""Evaluate slip control in closed loop, and slip estimation: `make evaluate`.
+
+Writes docs/control.md and its pictures, prints what is met and what is not, and ends with status
+2 where a target is missed.
+"""
+
+import argparse
+import copy
+import math
+import multiprocessing
+import os
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass, field
+from functools import cache
+from pathlib import Path
+from string import Template
+from typing import NamedTuple
+
+# One thread a process: all cores are busy with draws.
+os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+os.environ.setdefault('OMP_NUM_THREADS', '1')
+
+import numpy as np
+from matplotlib.figure import Figure
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from traction_controller import scenario, trial
+from traction_controller.closed_loop import DT
+from traction_controller.slip_control import Mode, SlipControl
+from traction_controller.slip_estimation import SlipEstimation
+from traction_model.soil import load_soil
+from traction_model.vehicle import load_vehicle
+
+ROOT = Path(__file__).resolve().parents[1]
+
+VEHICLE = 'tractor_4wd'
+SOIL = 'sandy_loam_chrono'
+LAG = 0.2
+"""What the controls take the drive's lag for, s: the middle of what is drawn."""
+
+HOLD_TORQUE = 2.0
+"""Largest torque in hold, as a share of static load times radius: never the limit."""
+
+CHUNK = 4
+
+# Targets of the LPV controller.
+MOST_SETTLING = 1.0
+MOST_OVERSHOOT = 0.2
+RMSE_SHARE = 0.5
+
+# Fixed PI: gains that are tried, as shares of static load times radius, 1 and 1/s.
+PROPORTIONAL = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
+INTEGRAL = (0.2, 0.4, 0.8, 1.6, 3.2, 6.4)
+TUNING_DRAWS = 64
+
+QUANTILES = (0.05, 0.5, 0.95)
+
+
+@dataclass(frozen=True)
+class Controller:
+    """A control law with its settings, and what it sees.
+
+    Attributes
+    ----------
+    text : str
+        Its name in the report.
+    law : str
+        Name of the law.
+    settings : tuple of (str, float)
+        Settings of the law by name.
+    truth : bool
+        Whether it sees the true slip in place of an estimate.
+    """
+
+    text: str
+    law: str
+    settings: tuple[tuple[str, float], ...] = ()
+    truth: bool = False
+
+
+class Outcome(NamedTuple):
+    """Figures of a trial, and the mean answer of its wheels to the step."""
+
+    figures: trial.Figures
+    response: np.ndarray
+
+
+@cache
+def _nominal():
+    return load_vehicle(VEHICLE), load_soil(SOIL)
+
+
+@cache
+def _control(controller, mode, target):
+    """Control of a controller; copied for use, as some take long to make."""
+    vehicle, _ = _nominal()
+    loads = vehicle.static_loads()
+    hold = [
+        HOLD_TORQUE * float(load) * wheel.radius
+        for load, wheel in zip(loads, vehicle.wheels, strict=True)
+    ]
+    return SlipControl(vehicle, target, mode, lag=LAG, dt=DT, hold_torque=hold)
+
+
+def control(controller, mode=Mode.HOLD, target=trial.TARGET):
+    """Slip control of a controller, its memory empty."""
+    return copy.deepcopy(_control(controller, mode, target))
+
+
+def estimation(controller, pulses_per_turn):
+    """What a controller sees: an estimation that knows the nominal vehicle and its sensors."""
+    vehicle, soil = _nominal()
+    return None if controller.truth else SlipEstimation(vehicle, soil)
+
+
+def run_draws(controller, draws):
+    """Drive trials."""
+    vehicle, soil = _nominal()
+    outcomes = []
+    for draw in draws:
+        driven = trial.run_trial(
+            draw,
+            vehicle,
+            soil,
+            lambda draw: estimation(controller, draw.pulses_per_turn),
+            lambda draw: control(controller),
+        )
+        response = trial.answer(driven.stepped, driven.unstepped).mean(axis=1)
+        outcomes.append(Outcome(driven.figures, response))
+    return outcomes
+
+
+class Workers:
+    """Processes on all cores that drive trials.
+
+    Parameters
+    ----------
+    console : Console
+        Where progress is shown.
+    """
+
+    def __init__(self, console):
+        self._console = console
+        self._pool = ProcessPoolExecutor(
+            len(os.sched_getaffinity(0)), mp_context=multiprocessing.get_context('spawn')
+        )
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self._pool.shutdown(cancel_futures=True)
+
+    def run(self, text, jobs):
+        """Drive the trials of several controllers: outcomes of each, in the order of draws."""
+        chunks = [
+            (controller, draws[k : k + CHUNK])
+            for controller, draws in jobs
+            for k in range(0, len(draws), CHUNK)
+        ]
+        found = {controller: [] for controller, _ in jobs}
+        with Progress(console=self._console, transient=True) as progress:
+            task = progress.add_task(text, total=sum(len(draws) for _, draws in chunks))
+            for (controller, draws), outcomes in zip(
+                chunks, self._pool.map(run_draws, *zip(*chunks, strict=True)), strict=True
+            ):
+                found[controller] += outcomes
+                progress.advance(task, len(draws))
+        return found
+
+
+@dataclass
+class Result:
+    """What came of all trials of one controller.
+
+    Attributes
+    ----------
+    columns : dict of str to ndarray
+        Figures by name.
+    responses : ndarray, shape (k, samples)
+        Mean answers to the step.
+    lags : ndarray, shape (k,)
+        Lag of each draw, s.
+    """
+
+    columns: dict = field(default_factory=dict)
+    responses: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    lags: np.ndarray = field(default_factory=lambda: np.empty(0))
+
+    @classmethod
+    def of(cls, outcomes, draws):
+        """Gather outcomes."""
+        return cls(
+            trial.columns([each.figures for each in outcomes]),
+            np.array([each.response for each in outcomes]),
+            np.array([draw.lag for draw in draws]),
+        )
+
+    @property
+    def stable(self):
+        """Share of stable trials."""
+        return float(self.columns['stable'].mean())
+
+    @property
+    def rmse(self):
+        """Root mean square slip error over all trials."""
+        return float(np.sqrt(np.mean(self.columns['rmse'] ** 2)))
+
+    @property
+    def settling_beyond_lag(self):
+        """95th percentile of settling time less the draw's own lag, s."""
+        return quantile(self.columns['settling'] - self.lags, 0.95)
+
+    @property
+    def efficiency(self):
+        """Tractive work over shaft energy, summed over all trials."""
+        return float(self.columns['work'].sum() / self.columns['energy'].sum())
+
+    def part(self, chosen):
+        """Result of some of the trials."""
+        columns = {name: values[chosen] for name, values in self.columns.items()}
+        return Result(columns, self.responses[chosen], self.lags[chosen])
+
+
+def quantile(values, share):
+    """Quantile that is one of the values: some are infinite."""
+    return float(np.quantile(values, share, method='higher'))
+
+
+def seconds(value):
+    """A time as text; one that never came is longer than was looked."""
+    return f'{value:.2f}' if math.isfinite(value) else f'> {trial.STEP_WINDOW:g}'
+
+
+def table(headings, rows):
+    """Markdown table."""
+    lines = ['| ' + ' | '.join(headings) + ' |', '|---' * len(headings) + '|']
+    return '\n'.join(lines + ['| ' + ' | '.join(row) + ' |' for row in rows])
+
+
+def tune_pi(workers, draws):
+    """Find the fixed PI gains of least slip error among those most often stable."""
+    tried = [
+        Controller('PI', 'pi', (('proportional', p), ('integral', i)))
+        for p in PROPORTIONAL
+        for i in INTEGRAL
+    ]
+    found = workers.run('tuning the fixed PI', [(each, draws) for each in tried])
+    results = {each: Result.of(outcomes, draws) for each, outcomes in found.items()}
+    best = min(results, key=lambda each: (-results[each].stable, results[each].rmse))
+    return best, results
+
+
+def figure_row(result):
+    """Cells of a row of the table of all controllers."""
+    c = result.columns
+    return [
+        f'{100 * result.stable:.1f}',
+        seconds(quantile(c['settling'], 0.5)),
+        seconds(quantile(c['settling'], 0.95)),
+        seconds(result.settling_beyond_lag),
+        seconds(quantile(c['settling_narrow'], 0.95)),
+        f'{100 * quantile(c["overshoot"], 0.5):.0f}',
+        f'{100 * quantile(c["overshoot"], 0.95):.0f}',
+        f'{result.rmse:.4f}',
+        f'{quantile(c["rmse"], 0.5):.4f}',
+        f'{quantile(c["peak"], 0.5):.2f}',
+        f'{quantile(c["peak"], 0.95):.2f}',
+        f'{result.efficiency:.4f}',
+        f'{quantile(c["estimate_rmse"], 0.5):.4f}',
+    ]
+
+
+HEADINGS = (
+    'stable, %', 'settling 50 %, s', 'settling 95 %, s', 'less lag, 95 %, s', 'to 5 %, 95 %, s',
+    'overshoot 50 %, %', 'overshoot 95 %, %', 'slip RMSE', 'RMSE 50 %', 'peak 50 %', 'peak 95 %',
+    'work per energy', 'estimate RMSE 50 %',
+)  # fmt: skip
+
+COLOURS = ('#999999', '#E69F00', '#009E73', '#CC79A7', '#56B4E9', '#0072B2')
+
+
+def controllers(fixed_pi):
+    """All controllers, the one that the targets are for last."""
+    return [
+        Controller('fixed PI', 'pi', fixed_pi.settings),
+        Controller('scheduled PI', 'scheduled_pi'),
+        Controller('sliding mode', 'sliding_mode'),
+        Controller('LQI', 'lqi'),
+        Controller('LPV', 'lpv'),
+    ]
+
+
+def checks(results):
+    """Targets of the LPV controller: what, found, limit as text, and whether it is met."""
+    lpv = results['LPV']
+    others = {name: each for name, each in results.items() if name != 'LPV'}
+    pi = results['fixed PI']
+    best = max(each.efficiency for each in others.values())
+    overshoot = quantile(lpv.columns['overshoot'], 0.95)
+    settling = lpv.settling_beyond_lag
+    return [
+        ('stable', f'{100 * lpv.stable:.2f} %', '100 %', lpv.stable == 1.0),
+        (
+            'settling of a 0.05 step less the lag, 95th percentile',
+            f'{seconds(settling)} s',
+            f'at most {MOST_SETTLING:g} s',
+            settling <= MOST_SETTLING,
+        ),
+        (
+            'overshoot, 95th percentile',
+            f'{100 * overshoot:.1f} %',
+            f'at most {100 * MOST_OVERSHOOT:g} %',
+            overshoot <= MOST_OVERSHOOT,
+        ),
+        (
+            "slip RMSE over the best fixed PI's",
+            f'{lpv.rmse / pi.rmse:.3f}',
+            f'at most {RMSE_SHARE:g}',
+            lpv.rmse <= RMSE_SHARE * pi.rmse,
+        ),
+        (
+            "tractive work per energy less the best baseline's",
+            f'{lpv.efficiency - best:+.4f}',
+            'at least 0',
+            lpv.efficiency >= best,
+        ),
+    ]
+
+
+def draw_steps(results, path):
+    """Answers to the step: median and 5 to 95 % of the trials."""
+    figure = Figure(figsize=(13, 6), layout='constrained')
+    axes = figure.subplots(2, 3, sharex=True, sharey=True).flat
+    for (name, result), axis in zip(results.items(), axes, strict=False):
+        t = np.arange(result.responses.shape[1]) * DT
+        low, middle, high = np.quantile(result.responses, QUANTILES, axis=0)
+        axis.fill_between(t, low, high, color='#0072B2', alpha=0.25, lw=0)
+        axis.plot(t, middle, color='#0072B2')
+        axis.axhline(trial.STEP, color='#444444', lw=0.8, ls='--')
+        axis.set_title(name)
+        axis.set_ylim(-0.02, 0.12)
+        axis.grid(alpha=0.25)
+    for axis in figure.axes[len(results) :]:
+        axis.set_visible(False)
+    figure.supxlabel('time after the step, s')
+    figure.supylabel('change of slip, mean of the wheels')
+    figure.savefig(path, dpi=90)
+
+
+def draw_distributions(results, path):
+    """Distribution of settling time, overshoot, slip error and peak over all trials."""
+    figure = Figure(figsize=(13, 3.6), layout='constrained')
+    kinds = (
+        ('settling', 'settling time, s', trial.STEP_WINDOW),
+        ('overshoot', 'overshoot, share of the step', 1.0),
+        ('rmse', 'slip RMSE', 0.3),
+        ('peak', 'peak of slip after tau_max halves', 1.0),
+    )
+    for (kind, label, most), axis in zip(kinds, figure.subplots(1, 4, sharey=True), strict=True):
+        for (name, result), colour in zip(results.items(), COLOURS, strict=False):
+            values = np.sort(result.columns[kind])
+            shares = np.arange(1, len(values) + 1) / len(values)
+            finite = np.isfinite(values)
+            axis.step(values[finite], shares[finite], where='post', color=colour, label=name)
+        axis.set_xlim(0, most)
+        axis.set_xlabel(label)
+        axis.grid(alpha=0.25)
+    figure.axes[0].set_ylabel('share of trials')
+    figure.axes[0].legend(fontsize=8)
+    figure.savefig(path, dpi=90)
+
+
+def run_scenarios(chosen, progress):
+    """Drive every scenario without control and with each controller."""
+    vehicle, _ = _nominal()
+    found = {}
+    for name in scenario.SCENARIOS:
+        for controller in (None, *chosen):
+            acting = None if controller is None else control(
+                controller, Mode.LIMIT, scenario.LIMIT
+            )  # fmt: skip
+            seen = None if controller is None else estimation(
+                controller, scenario.SENSORS.pulses_per_turn
+            )  # fmt: skip
+            text = 'no control' if controller is None else controller.text
+            found[name, text] = scenario.run_scenario(name, vehicle, seen, acting)
+            progress()
+    return found
+
+
+def scenario_rows(drives):
+    """Rows of the table of scenarios."""
+    rows = []
+    for (name, text), drive in drives.items():
+        judged = drive.t >= scenario.SCENARIOS[name].happens
+        above = np.maximum(drive.slip[judged] - scenario.LIMIT, 0.0)
+        work, energy = drive.efficiency(scenario.SCENARIOS[name].happens)
+        rows.append(
+            [
+                scenario.SCENARIOS[name].text,
+                text,
+                f'{np.sqrt(np.mean(above**2)):.4f}',
+                f'{drive.slip[judged].max():.2f}',
+                f'{drive.x[-1] - drive.x[judged][0]:.1f}',
+                f'{1e-3 * energy / (drive.x[-1] - drive.x[judged][0]):.1f}',
+                f'{work / energy:.3f}',
+            ]
+        )
+    return rows
+
+
+def draw_scenarios(drives, shown, path):
+    """Slip of all wheels, one row a scenario and one column a controller, and the speeds."""
+    names = list(scenario.SCENARIOS)
+    figure = Figure(figsize=(15, 2.4 * len(names)), layout='constrained')
+    axes = figure.subplots(len(names), len(shown) + 1, sharex='row', squeeze=False)
+    for name, row in zip(names, axes, strict=True):
+        for text, colour, axis in zip(shown, COLOURS, row, strict=False):
+            drive = drives[name, text]
+            for j, style in enumerate(('-', '-', '--', '--')):
+                axis.plot(drive.t, drive.slip[:, j], style, lw=1, color=COLOURS[-1 - j])
+            axis.axhline(scenario.LIMIT, color='#444444', lw=0.8, ls=':')
+            axis.set_ylim(-0.05, 1.0)
+            row[-1].plot(drive.t, drive.v, color=colour, label=text)
+        for axis in row:
+            axis.axvline(scenario.SCENARIOS[name].happens, color='#bbbbbb', lw=0.8)
+            axis.grid(alpha=0.25)
+        row[0].set_ylabel(f'{name.replace("_", " ")}\nslip')
+        row[-1].set_ylabel('speed, m/s')
+    for text, axis in zip(shown, axes[0], strict=False):
+        axis.set_title(text)
+    for axis in axes[-1]:
+        axis.set_xlabel('time, s')
+    axes[0, -1].legend(fontsize=8)
+    figure.savefig(path, dpi=80)
+
+
+def speed_rows(results, draws):
+    """Rows of all controllers in four ranges of the drawn speed."""
+    speeds = np.array([draw.speed for draw in draws])
+    ends = np.linspace(*trial.DISTRIBUTIONS['speed'].uniform, 5)
+    rows = []
+    for name, result in results.items():
+        for low, high in zip(ends[:-1], ends[1:], strict=True):
+            part = result.part((speeds >= low) & (speeds < high))
+            rows.append(
+                [
+                    name,
+                    f'{low:.1f} to {high:.1f}',
+                    f'{100 * part.stable:.1f}',
+                    seconds(part.settling_beyond_lag),
+                    f'{100 * quantile(part.columns["overshoot"], 0.95):.0f}',
+                    f'{part.rmse:.4f}',
+                    f'{quantile(part.columns["estimate_rmse"], 0.5):.4f}',
+                ]
+            )
+    return rows
+
+
+def worst_rows(result, draws, count=8):
+    """The trials of greatest slip error, with what was drawn."""
+    order = np.argsort(result.columns['rmse'])[::-1][:count]
+    rows = []
+    for k in order:
+        drawn = asdict(draws[k])
+        drawn.pop('seed')
+        rows.append(
+            [f'{result.columns["rmse"][k]:.3f}', f'{result.columns["estimate_rmse"][k]:.3f}']
+            + [f'{value:.3g}' for value in drawn.values()]
+        )
+    return ('RMSE', "estimate's", *drawn), rows
+
+
+def template(name, **values):
+    """Text of a template beside this file, filled in."""
+    text = Path(__file__).with_name(f'{name}.template.md').read_text(encoding='utf-8')
+    return Template(text).substitute(values)
+
+
+def main(arguments=None):
+    """Run everything and write the report."""
+    parser = argparse.ArgumentParser(description=__doc__.split('\n', 1)[0])
+    parser.add_argument('--docs', type=Path, default=ROOT / 'docs', help='folder to write to')
+    parser.add_argument('--draws', type=int, default=2048, help='trials, a power of 2')
+    parser.add_argument('--tuning-draws', type=int, default=TUNING_DRAWS,
+                        help='trials that the fixed PI is tuned on, a power of 2')  # fmt: skip
+    parser.add_argument('--seed', type=int, default=1, help='seed of the draws')
+    chosen = parser.parse_args(arguments)
+    try:
+        draws = trial.draws(chosen.draws, chosen.seed)
+        # Others than those that are judged.
+        tuning = trial.draws(chosen.tuning_draws, chosen.seed + 1)
+    except ValueError as error:
+        parser.error(str(error))
+    docs = chosen.docs
+    # A file has no width of its own.
+    console = Console(width=None if sys.stdout.isatty() else 190)
+    (docs / 'images').mkdir(parents=True, exist_ok=True)
+
+    with Workers(console) as workers:
+        best, tuned = tune_pi(workers, tuning)
+        gains = dict(best.settings)
+        console.print(
+            f'fixed PI: proportional {gains["proportional"]:g}, integral {gains["integral"]:g} '
+            f'of {len(tuned)} tried on {len(tuning)} draws: stable {100 * tuned[best].stable:.0f} '
+            f'%, slip RMSE {tuned[best].rmse:.4f}'
+        )
+        every = controllers(best)
+        seeing = Controller('LPV, true slip', 'lpv', every[-1].settings, truth=True)
+        quarter = draws[: max(1, len(draws) // 4)]
+        found = workers.run(
+            'trials', [*((each, draws) for each in every), (seeing, quarter)]
+        )  # fmt: skip
+    results = {each.text: Result.of(found[each], draws) for each in every}
+    perfect = Result.of(found[seeing], quarter)
+
+    with Progress(console=console, transient=True) as progress:
+        task = progress.add_task('scenarios', total=len(scenario.SCENARIOS) * (len(every) + 1))
+        drives = run_scenarios(every, lambda: progress.advance(task))
+
+    images = docs / 'images'
+    draw_steps(results, images / 'control_steps.png')
+    draw_distributions(results, images / 'control_distributions.png')
+    draw_scenarios(drives, ('no control', 'fixed PI', 'LPV'), images / 'control_scenarios.png')
+
+    all_rows = [[name, *figure_row(result)] for name, result in results.items()]
+    all_rows.append([seeing.text, *figure_row(perfect)])
+    summary = Table(title=f'{len(draws)} trials')
+    for heading in ('', *HEADINGS):
+        summary.add_column(heading, justify='right' if heading else 'left')
+    for row in all_rows:
+        summary.add_row(*row)
+    console.print(summary)
+    verdict = checks(results)
+    for text, value, limit, met in verdict:
+        console.print(f'{"met   " if met else "MISSED"} {text}: {value} ({limit})', highlight=False)
+
+    worst_headings, worst = worst_rows(results['LPV'], draws)
+    text = template(
+        'control',
+        draws=len(draws),
+        seed=chosen.seed,
+        target=f'{trial.TARGET:g}',
+        step=f'{trial.STEP:g}',
+        step_time=f'{trial.STEP_TIME:g}',
+        window=f'{trial.STEP_WINDOW:g}',
+        judged=f'{trial.JUDGED_FROM:g}',
+        drop_window=f'{trial.DROP_WINDOW:g}',
+        least_draft=f'{trial.LEAST_DRAFT:g}',
+        error=f'{trial.LARGEST_ERROR:g}',
+        runaway=f'{trial.RUNAWAY:g}',
+        lag=f'{LAG:g}',
+        tuning=len(tuning),
+        tried=len(tuned),
+        proportional=f'{gains["proportional"]:g}',
+        integral=f'{gains["integral"]:g}',
+        quarter=len(quarter),
+        checks=table(
+            ('target', 'found', 'limit', ''),
+            [[t, v, lim, 'met' if met else '**missed**'] for t, v, lim, met in verdict],
+        ),
+        all=table(('controller', *HEADINGS), all_rows),
+        speeds=table(
+            ('controller', 'speed, m/s', 'stable, %', 'settling less lag, 95 %, s',
+             'overshoot 95 %, %', 'slip RMSE', 'estimate RMSE 50 %'),
+            speed_rows(results, draws),
+        ),  # fmt: skip
+        worst=table(worst_headings, worst),
+        scenarios=table(
+            ('what happens', 'controller', 'RMS above the limit', 'largest slip', 'distance, m',
+             'energy, kJ/m', 'work per energy'),
+            scenario_rows(drives),
+        ),  # fmt: skip
+    )
+    (docs / 'control.md').write_text(text, encoding='utf-8')
+    console.print(f'report   {docs / "control.md"}', soft_wrap=True)
+    return 0 if all(met for *_, met in verdict) else 2
+
+
+if __name__ == '__main__':
+    sys.exit(main())
