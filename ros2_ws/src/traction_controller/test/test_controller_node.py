@@ -6,7 +6,8 @@ import pytest
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
-from traction_controller.slip_control import ExitReason, LimitStatus, Mode
+from traction_controller.exit_reason import ExitReason, LimitStatus
+from traction_controller.slip_control import Mode
 from traction_interfaces.msg import SlipEstimate, TerrainEstimate
 from traction_node import diagnostic
 from traction_node.graph import NodeProcess, Probe, executable
@@ -94,7 +95,7 @@ def test_no_request_no_torque(tractor, field):
     command, state = tractor.step(0.1)
     assert list(command.name) == WHEELS
     assert list(command.effort) == [0.0] * 4
-    assert list(state.exit_reason) == [ExitReason.NO_REQUEST] * 4
+    assert list(state.exit_reason) == [ExitReason.REMOTE_COMMAND_TIMEOUT] * 4
     status = field.wait_for_diagnostic(f'field/{NODE}', 'no torque_request: commanding no torque')
     assert status.level == bytes([diagnostic.WARN])
 
@@ -117,7 +118,7 @@ def test_slip_above_target_takes_torque_away(tractor):
     tractor.run(100, 0.05, 3000.0)
     command, state = tractor.run(20, 0.4, 3000.0)
     assert max(command.effort) < 3000.0
-    assert set(state.exit_reason) == {ExitReason.NONE}
+    assert set(state.exit_reason) == {ExitReason.ALL_CLEAR}
 
 
 def test_one_entry_for_all_wheels_and_any_order(tractor, field):
@@ -141,7 +142,7 @@ def test_silent_request_counts_as_zero(tractor, field):
         command, state = tractor.step(0.05)
         return list(command.effort) == [0.0] * 4 and set(state.exit_reason)
 
-    assert field.wait_for(silent, 2.0, 'zero torque') == {ExitReason.NO_REQUEST}
+    assert field.wait_for(silent, 2.0, 'zero torque') == {ExitReason.REMOTE_COMMAND_TIMEOUT}
     tractor.ask(2000.0)
 
 
@@ -156,7 +157,7 @@ def test_slip_not_valid_or_too_slow_passes_the_request(tractor):
     assert list(command.effort) == [1000.0] * 4
     command, state = tractor.step(0.9, rim=0.1)
     assert list(command.effort) == [1000.0] * 4
-    assert list(state.exit_reason) == [ExitReason.SPEED_TOO_LOW] * 4
+    assert list(state.exit_reason) == [ExitReason.VEHICLE_SPEED_TOO_LOW] * 4
 
 
 def test_mode_switches_at_run_time_without_a_bump(tractor, field):

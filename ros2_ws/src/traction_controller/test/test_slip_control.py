@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from traction_controller.slip_control import ExitReason, LimitStatus, Mode, SlipControl
+from traction_controller.exit_reason import ExitReason, LimitStatus
+from traction_controller.slip_control import Mode, SlipControl
 from traction_controller.slip_estimation import thrust_curve
 from traction_model.lpv import sampled, slip_dynamics
 from traction_model.simulate import Drawbar, Plant
@@ -70,7 +71,7 @@ def test_request_passes_where_slip_is_below_target(control):
         outcomes = step(control, 0.05, 3000.0, shaft=3000.0)
     assert [outcome.torque for outcome in outcomes] == [3000.0] * 4
     assert all(o.limit_status is LimitStatus.OPERATOR_LIMITED for o in outcomes)
-    assert all(o.exit_reason is ExitReason.NONE for o in outcomes)
+    assert all(o.exit_reason is ExitReason.ALL_CLEAR for o in outcomes)
 
 
 def test_slip_above_target_reduces_torque_of_that_wheel_only(control):
@@ -224,8 +225,8 @@ def test_driving_in_reverse_is_driving_forward_mirrored(control):
 @pytest.mark.parametrize(
     ('arguments', 'reason', 'torque'),
     [
-        ({'slips': 0.1, 'requests': None}, ExitReason.NO_REQUEST, 0.0),
-        ({'slips': 0.9, 'requests': 3000.0, 'rims': 0.2}, ExitReason.SPEED_TOO_LOW, 3000.0),
+        ({'slips': 0.1, 'requests': None}, ExitReason.REMOTE_COMMAND_TIMEOUT, 0.0),
+        ({'slips': 0.9, 'requests': 3000.0, 'rims': 0.2}, ExitReason.VEHICLE_SPEED_TOO_LOW, 3e3),
         ({'slips': 0.9, 'requests': 3e3, 'valid': False}, ExitReason.SLIP_NOT_AVAILABLE, 3e3),
         ({'slips': 0.9, 'requests': -9e2, 'valid': False}, ExitReason.SLIP_NOT_AVAILABLE, -9e2),
     ],
@@ -244,7 +245,7 @@ def test_a_wheel_that_locks_or_turns_backwards_under_braking_is_let_go(control, 
     for _ in range(50):
         outcomes = step(control, -1.0, -6000.0, rims=rim, speed=5.0, shaft=torque)
         torque = outcomes[0].torque
-    assert outcomes[0].exit_reason is ExitReason.NONE
+    assert outcomes[0].exit_reason is ExitReason.ALL_CLEAR
     assert torque == 0.0
 
 
@@ -256,7 +257,7 @@ def test_leaving_control_at_low_speed_gives_the_request_back_bit_by_bit(control)
     torques = []
     for _ in range(51):
         outcome = step(control, 0.6, 3000.0, rims=0.2)[0]
-        assert outcome.exit_reason is ExitReason.SPEED_TOO_LOW
+        assert outcome.exit_reason is ExitReason.VEHICLE_SPEED_TOO_LOW
         torques.append(outcome.torque)
     # The share of what is missing grows by 10 ms / 0.5 s a step: 2 % of 3000 N·m at first.
     assert torques[0] == pytest.approx(60.0)
@@ -276,7 +277,7 @@ def test_hold_gives_no_torque_without_a_request(control):
 def test_hold_torque_of_each_wheel():
     control = SlipControl(RIG, 0.2, Mode.HOLD, hold_torque=[700.0])
     for _ in range(200):
-        [outcome] = control.step(DT, [0.0], [True], [2.0], 2.0, [2e4], [0.0], [1.0])
+        [outcome] = control.step(DT, [0.0], [True], [2.0], 2.0, [2e4], [700.0], [1.0])
     assert outcome.torque == 700.0
     with pytest.raises(ValueError, match='hold_torque has 2 entries for 1 wheels'):
         SlipControl(RIG, 0.2, hold_torque=[700.0, 800.0])
@@ -350,6 +351,6 @@ def test_control_refuses(fault):
 
 
 def test_like_wheels_share_a_schedule():
-    assert CONTROL.schedules[0] is CONTROL.schedules[1]
-    assert CONTROL.schedules[2] is CONTROL.schedules[3]
-    assert CONTROL.schedules[0] is not CONTROL.schedules[2]
+    assert CONTROL.laws[0].schedule is CONTROL.laws[1].schedule
+    assert CONTROL.laws[2].schedule is CONTROL.laws[3].schedule
+    assert CONTROL.laws[0].schedule is not CONTROL.laws[2].schedule
