@@ -102,7 +102,11 @@ def _control(controller, mode, target):
         HOLD_TORQUE * float(load) * wheel.radius
         for load, wheel in zip(loads, vehicle.wheels, strict=True)
     ]
-    return SlipControl(vehicle, target, mode, lag=LAG, dt=DT, hold_torque=hold)
+    settings = {controller.law: dict(controller.settings)}
+    return SlipControl(
+        vehicle, target, mode, lag=LAG, dt=DT, law=controller.law, settings=settings,
+        hold_torque=hold,
+    )  # fmt: skip
 
 
 def control(controller, mode=Mode.HOLD, target=trial.TARGET):

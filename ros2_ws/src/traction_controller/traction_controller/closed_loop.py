@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from traction_controller.slip_control import SlipControl
-from traction_controller.slip_estimation import SlipEstimation
+from traction_controller.slip_estimation import SlipEstimation, Source
 from traction_model.contact import shear_deficit
 from traction_model.sensors import Radar, RadarModel, Tachometer
 from traction_model.simulate import Plant
@@ -127,13 +127,18 @@ class Truth:
     ----------
     v : float
         Speed over ground, m/s.
-    slip, rim_speed, valid, slip_stiffness : ndarray, shape (n,)
-        As of `SlipEstimation`; dimensionless, m/s, dimensionless, N. The stiffness is that of
-        the thrust curve through the plant's sinkage and tau_max.
+    slip, slip_variance, rim_speed, valid, thrust, slip_stiffness : ndarray, shape (n,)
+        As of `SlipEstimation`; dimensionless, dimensionless, m/s, dimensionless, N, N. The
+        stiffness is that of the thrust curve through the plant's sinkage and tau_max.
+    source : Source
+        A sensor, so to speak.
     """
 
     def __init__(self, plant: Plant) -> None:
         self._plant = plant
+        self._radii = np.array([wheel.radius for wheel in plant.vehicle.wheels])
+        self.slip_variance = np.zeros(plant.n_wheels)
+        self.source = Source.GROUND
         self.look()
 
     def look(self) -> None:
@@ -143,6 +148,8 @@ class Truth:
         self.slip = np.array(plant.slip)
         self.rim_speed = plant.rim_speed
         self.valid = np.array(plant.slip_valid)
+        # What turns against the shaft, as an estimation finds thrust.
+        self.thrust = plant.forces[:, 3] / self._radii
 
     @property
     def slip_stiffness(self) -> Array:
@@ -265,6 +272,9 @@ class ClosedLoop:
                 self._stiffness,
                 measured_torque.tolist(),
                 request,
+                thrusts=seen.thrust.tolist(),
+                speed_measured=seen.source is not Source.WHEEL,
+                deviations=np.sqrt(seen.slip_variance).tolist(),
             )
             command = [outcome.torque for outcome in outcomes]
             target = self.control.slip_target
