@@ -107,7 +107,7 @@ class Drive:
         Returns
         -------
         work, energy : float
-            Of net traction along the way, and of all shafts, J.
+            Of net traction along the way, and of all shafts, J (N*m).
         """
         judged = self.t >= start
         dt = float(self.t[1] - self.t[0])
@@ -192,7 +192,7 @@ class ClosedLoop:
     Raises
     ------
     ValueError
-        If the delay is not a time.
+        If the delay or the period is out of range.
     """
 
     def __init__(
@@ -208,6 +208,8 @@ class ClosedLoop:
     ) -> None:
         if not (math.isfinite(delay) and delay >= 0):
             raise ValueError(f'delay must be at least 0 s, got {delay}')
+        if not (math.isfinite(stiffness_period) and stiffness_period > 0):
+            raise ValueError(f'stiffness_period must be above 0 s, got {stiffness_period}')
         self.plant = plant
         self.control = control
         self.estimation = estimation

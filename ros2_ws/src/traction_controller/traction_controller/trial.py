@@ -181,12 +181,14 @@ class Figures:
         The same as `settling` (s) and `overshoot` (dimensionless) of the worst wheel.
     rmse : float
         Root mean square of slip less target, over all wheels, from `JUDGED_FROM` on.
+    rmse_before : float
+        The same up to the change of soil, dimensionless.
     estimate_rmse : float
-        The same of estimated less true slip, dimensionless.
+        Root mean square of estimated less true slip, as `rmse`, dimensionless.
     peak : float
         Largest slip of any wheel after the first came onto the weaker soil, dimensionless.
     work, energy : float
-        Tractive work and work of all shafts from `JUDGED_FROM` on, J.
+        Tractive work and work of all shafts from `JUDGED_FROM` on, J (N*m).
     speed : float
         Mean speed over `LAST` before the step, m/s.
     """
@@ -198,6 +200,7 @@ class Figures:
     settling_worst: float
     overshoot_worst: float
     rmse: float
+    rmse_before: float
     estimate_rmse: float
     peak: float
     work: float
@@ -466,6 +469,7 @@ def judge(stepped: Drive, unstepped: Drive, drop_time: float) -> Figures:
         settling_worst=max(settling_time(response[:, j], BANDS[0]) for j in wheels),
         overshoot_worst=max(0.0, float(response.max()) / STEP - 1.0),
         rmse=float(np.sqrt(np.mean(error[judged] ** 2))),
+        rmse_before=float(np.sqrt(np.mean(error[judged & (t < drop_time)] ** 2))),
         estimate_rmse=float(np.sqrt(np.mean((stepped.slip_estimate - stepped.slip)[judged] ** 2))),
         peak=float(stepped.slip[t >= drop_time].max()),
         work=work,

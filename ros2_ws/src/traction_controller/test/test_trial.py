@@ -1,0 +1,228 @@
+"""Trials: what is drawn, how an answer is judged, what counts as stable."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from traction_controller import trial
+from traction_controller.closed_loop import DT, Drive
+from traction_controller.slip_control import Mode, SlipControl
+from traction_controller.trial import STEP, STEP_TIME, STEP_WINDOW, TARGET
+from traction_model.soil import load_soil
+from traction_model.tractive import tractive_figures
+from traction_model.vehicle import load_vehicle
+
+TRACTOR = load_vehicle('tractor_4wd')
+LOAM = load_soil('sandy_loam_chrono')
+DROP_TIME = STEP_TIME + STEP_WINDOW
+END = 10.0
+
+
+def drive(slip, target=None):
+    """A drive of two wheels whose slip is given."""
+    t = DT * np.arange(round(END / DT))
+    k = np.ones_like(t)
+    slips = np.broadcast_to(np.asarray(slip, dtype=float), (2, len(t))).T.copy()
+    wanted = np.where(t < STEP_TIME, TARGET, TARGET + STEP) if target is None else target * k
+    return Drive(
+        t=t, v=2 * k, x=2 * t, v_estimate=2 * k, net_traction=100 * k, shaft_power=400 * k,
+        target=wanted, rim_speed=slips, slip=slips, slip_estimate=slips + 0.01, command=slips,
+    )  # fmt: skip
+
+
+def stepped(answer):
+    """A drive that answers to the step by a function of the time since."""
+    t = DT * np.arange(round(END / DT))
+    return drive(TARGET + np.where(t < STEP_TIME, 0.0, answer(t - STEP_TIME)))
+
+
+HELD = drive(TARGET, TARGET)
+
+
+def test_draws_are_what_was_asked_for():
+    draws = trial.draws(256, 3)
+    assert draws == trial.draws(256, 3)
+    assert draws != trial.draws(256, 4)
+    assert len({draw.seed for draw in draws}) == 256
+    for name, low, high in (
+        ('strength', 0.5, 1.5), ('shear_deformation_modulus', 0.5, 1.5),
+        ('sinkage_exponent', 0.5, 1.5), ('mass', 0.8, 1.2), ('lag', 0.1, 0.3),
+        ('speed', 0.3, 6.0), ('radar_noise', 0.01, 0.1), ('radar_latency', 0.0, 0.1),
+        ('torque_noise', 0.0, 0.01),
+    ):  # fmt: skip
+        values = np.array([getattr(draw, name) for draw in draws])
+        assert low <= values.min() < low + 0.02 * (high - low)
+        assert high - 0.02 * (high - low) < values.max() <= high
+        # Sobol: even in every direction, to 1/256 and little more.
+        assert values.mean() == pytest.approx((low + high) / 2, abs=0.01 * (high - low))
+    pulses = np.array([draw.pulses_per_turn for draw in draws])
+    assert np.exp(np.log(pulses).mean()) == pytest.approx(math.sqrt(200 * 4000), rel=0.02)
+
+
+@pytest.mark.parametrize('count', [0, 3, 100])
+def test_draws_refuse(count):
+    with pytest.raises(ValueError, match='number of draws must be a power of 2, got'):
+        trial.draws(count, 1)
+
+
+def test_drawn_soil_and_vehicle_by_hand():
+    draw = dataclasses.replace(
+        trial.draws(1, 1)[0], strength=0.6, shear_deformation_modulus=1.4, sinkage_exponent=0.8,
+        mass=1.2,
+    )  # fmt: skip
+    soil = trial.drawn_soil(LOAM, draw)
+    for pressure in (1e4, 1e5):
+        whole = LOAM.max_shear_stress(pressure)
+        assert soil.max_shear_stress(pressure) == pytest.approx(0.6 * whole)
+        weak = trial.drawn_soil(LOAM, draw, trial.WEAKENED)
+        assert weak.max_shear_stress(pressure) == pytest.approx(0.3 * whole)
+    # sandy_loam_chrono: K 0.025 m, n 0.7.
+    assert soil.shear_deformation_modulus == pytest.approx(0.035)
+    assert soil.sinkage_exponent == pytest.approx(0.56)
+    assert trial.drawn_vehicle(TRACTOR, draw).mass == pytest.approx(1.2 * TRACTOR.mass)
+
+
+def test_steady_pull_is_that_of_the_tractive_figures():
+    torque, pull = trial.steady_pull(TRACTOR, LOAM, 0.15, 1.0)
+    figures = tractive_figures(LOAM, TRACTOR, [0.15])
+    assert pull == pytest.approx(figures.net_traction[0])
+    radii = np.array([0.65, 0.65, 0.85, 0.85])
+    assert (torque / radii).sum() == pytest.approx(figures.gross_traction[0])
+
+
+def test_first_order_answer_settles_when_it_should():
+    # 1 - exp(-t/tau) is within 10 % from tau*ln(10), and 5 % from tau*ln(20): at 0.2 s,
+    # 0.4605 and 0.5991 s, seen at the next sample.
+    found = trial.judge(stepped(lambda t: STEP * (1 - np.exp(-t / 0.2))), HELD, DROP_TIME)
+    assert found.settling == pytest.approx(0.47)
+    assert found.settling_narrow == pytest.approx(0.60)
+    assert found.overshoot == 0.0
+    assert found.stable
+    # Reference and judged drive have the same net traction: 100 N at 2 m/s from 400 W.
+    assert found.work / found.energy == pytest.approx(0.5)
+    assert found.estimate_rmse == pytest.approx(0.01)
+    assert found.peak == pytest.approx(TARGET + STEP, abs=1e-4)
+
+
+def test_second_order_answer_overshoots_as_it_should():
+    # Damping 0.5: exp(-pi*0.5/sqrt(1 - 0.25)) = 0.163 beyond the step.
+    damping, rate = 0.5, 10.0
+    fast = rate * math.sqrt(1 - damping**2)
+
+    def answer(t):
+        decay = np.exp(-damping * rate * t)
+        return STEP * (1 - decay * (np.cos(fast * t) + damping * rate / fast * np.sin(fast * t)))
+
+    found = trial.judge(stepped(answer), HELD, DROP_TIME)
+    assert found.overshoot == pytest.approx(0.163, abs=0.002)
+    assert found.stable
+
+
+def test_answer_is_free_of_what_both_drives_have():
+    noise = 0.02 * np.random.default_rng(0).standard_normal(round(END / DT))
+    other = drive(TARGET + noise, TARGET)
+    step = stepped(lambda t: STEP * (1 - np.exp(-t / 0.2)))
+    noisy = dataclasses.replace(step, slip=step.slip + noise[:, None])
+    assert trial.judge(noisy, other, DROP_TIME).settling == pytest.approx(0.47)
+
+
+def test_answer_that_never_comes():
+    found = trial.judge(stepped(lambda t: 0.8 * STEP + 0 * t), HELD, DROP_TIME)
+    assert math.isinf(found.settling)
+
+
+def late(value, start, end):
+    """Slip at its target but for a while."""
+    t = DT * np.arange(round(END / DT))
+    slip = np.where(t < STEP_TIME, TARGET, TARGET + STEP)
+    return np.where((t >= start) & (t < end), value, slip)
+
+
+@pytest.mark.parametrize(
+    ('slip', 'stable'),
+    [
+        (late(0.0, 0.0, 0.0), True),
+        # Half a second of spinning is a peak, a second a runaway.
+        (late(0.9, 7.0, 7.5), True),
+        (late(0.9, 7.0, 8.1), False),
+        # Not back at the end; not settled before the step; a number that is none.
+        (late(0.32, 9.0, 10.0), False),
+        (late(0.0, 3.0, 4.0), False),
+        (late(math.nan, 5.0, 5.01), False),
+    ],
+)
+def test_what_is_stable(slip, stable):
+    assert trial.judge(drive(slip), HELD, DROP_TIME).stable is stable
+
+
+def test_oscillation_is_not_stable():
+    t = DT * np.arange(round(END / DT))
+    # Amplitude 0.15: 0.106 in the mean of squares.
+    slip = late(0.0, 0.0, 0.0) + np.where(t > 7.0, 0.15 * np.sin(2 * math.pi * 2 * t), 0.0)
+    assert not trial.judge(drive(slip), HELD, DROP_TIME).stable
+
+
+@pytest.fixture(scope='module')
+def driven():
+    # Ordinary soil, no noise to speak of, a law that is known to hold it.
+    draw = trial.Draw(
+        strength=1.0, shear_deformation_modulus=1.0, sinkage_exponent=1.0, mass=1.0, lag=0.2,
+        speed=2.0, pulses_per_turn=4000.0, radar_noise=0.01, radar_latency=0.0,
+        torque_noise=0.0, seed=1,
+    )  # fmt: skip
+    return trial.run_trial(
+        draw,
+        TRACTOR,
+        LOAM,
+        lambda draw: None,
+        lambda draw: SlipControl(
+            TRACTOR, TARGET, Mode.HOLD, lag=0.2, law='pi', hold_torque=30e3,
+            settings={'pi': {'proportional': 1.2, 'integral': 3.2}},
+        ),
+    )  # fmt: skip
+
+
+def test_trial_goes_as_told(driven):
+    figures, run = driven.figures, driven.stepped
+    assert figures.stable
+    # Rear wheels in ruts pull more than on fresh soil, so it is faster, but not by much.
+    assert 2.0 < figures.speed < 3.0
+    t = run.t
+    assert np.all(run.target == np.where(t < STEP_TIME - DT / 2, TARGET, TARGET + STEP))
+    assert np.all(driven.unstepped.target == TARGET)
+    # The same until the step.
+    before = driven.unstepped.t < STEP_TIME
+    assert np.array_equal(run.slip[: len(before)][before], driven.unstepped.slip[before])
+    assert figures.settling < STEP_WINDOW
+    answer = trial.answer(run, driven.unstepped)
+    assert answer[-1] == pytest.approx([STEP] * 4, abs=0.1 * STEP)
+
+
+def test_tau_max_halves_under_front_and_then_rear_wheels(driven):
+    run, start = driven.stepped, driven.drop_time
+    assert start == pytest.approx(DROP_TIME)
+    first = round(start / DT)
+    place = run.x[first]
+    rear = int(np.searchsorted(run.x, place + 2.4))
+    rising = run.slip - (TARGET + STEP) > 0.1
+    front_rises, rear_rises = (np.argmax(rising[first:, j]) + first for j in (0, 2))
+    # When the contact, which reaches 0.3 m ahead of the wheel, comes there.
+    assert first <= front_rises < first + 30
+    assert rear - 40 <= rear_rises < rear + 30
+    assert run.t[-1] - run.t[rear] == pytest.approx(trial.DROP_WINDOW, abs=0.05)
+    # Half the strength: about half the torque at the same slip.
+    assert 0.3 < run.command[-1, 2] / run.command[first - 1, 2] < 0.75
+
+
+def test_columns_keep_the_order():
+    figures = [
+        dataclasses.replace(
+            trial.judge(drive(TARGET), HELD, DROP_TIME), rmse=rmse, stable=rmse < 0.2
+        )
+        for rmse in (0.1, 0.3)
+    ]
+    columns = trial.columns(figures)
+    assert columns['rmse'].tolist() == [0.1, 0.3]
+    assert columns['stable'].tolist() == [1.0, 0.0]
