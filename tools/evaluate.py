@@ -11,7 +11,7 @@ import multiprocessing
 import os
 import sys
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -134,7 +134,7 @@ def run_draws(controller, draws):
             lambda draw: estimation(controller, draw.pulses_per_turn),
             lambda draw: control(controller),
         )
-        response = trial.answer(driven.stepped, driven.unstepped).mean(axis=1)
+        response = trial.answer(driven.stepped, driven.unstepped, driven.step_time).mean(axis=1)
         outcomes.append(Outcome(driven.figures, response))
     return outcomes
 
@@ -307,8 +307,9 @@ def figure_row(result):
 
 HEADINGS = (
     'stable, %', 'settling 50 %, s', 'settling 95 %, s', 'less lag, 95 %, s', 'to 5 %, 95 %, s',
-    'overshoot 50 %, %', 'overshoot 95 %, %', 'slip RMSE', 'RMSE 50 %', 'RMSE before tau_max halves', 'peak 50 %', 'peak 95 %',
-    'work per energy', 'estimate RMSE 50 %',
+    'overshoot 50 %, %', 'overshoot 95 %, %', 'slip RMSE', 'RMSE 50 %',
+    'RMSE before tau_max halves', 'peak 50 %', 'peak 95 %', 'work per energy',
+    'estimate RMSE 50 %',
 )  # fmt: skip
 
 COLOURS = ('#999999', '#E69F00', '#009E73', '#CC79A7', '#56B4E9', '#0072B2')
@@ -543,7 +544,7 @@ def main(arguments=None):
         console.print(f'fixed PI: {gains_text(best, tuned)}')
         console.print(f'of the least slip RMSE: {gains_text(least, least_tuned)}')
         every = controllers(best)
-        seeing = Controller('LPV, true slip', 'lpv', every[-1].settings, truth=True)
+        seeing = replace(every[-1], text='LPV, true slip', truth=True)
         quarter = draws[: max(1, len(draws) // 4)]
         found = workers.run(
             'trials', [*((each, draws) for each in every), (seeing, quarter)]
@@ -581,9 +582,10 @@ def main(arguments=None):
         seed=chosen.seed,
         target=f'{trial.TARGET:g}',
         step=f'{trial.STEP:g}',
-        step_time=f'{trial.STEP_TIME:g}',
+        first_step=f'{trial.FIRST_STEP:g}',
+        settle=f'{trial.SETTLE:g}',
         window=f'{trial.STEP_WINDOW:g}',
-        judged=f'{trial.JUDGED_FROM:g}',
+        last=f'{trial.LAST:g}',
         drop_window=f'{trial.DROP_WINDOW:g}',
         least_draft=f'{trial.LEAST_DRAFT:g}',
         error=f'{trial.LARGEST_ERROR:g}',

@@ -9,13 +9,14 @@ import pytest
 from traction_controller import trial
 from traction_controller.closed_loop import DT, Drive
 from traction_controller.slip_control import Mode, SlipControl
-from traction_controller.trial import STEP, STEP_TIME, STEP_WINDOW, TARGET
+from traction_controller.trial import STEP, STEP_WINDOW, TARGET
 from traction_model.soil import load_soil
 from traction_model.tractive import tractive_figures
 from traction_model.vehicle import load_vehicle
 
 TRACTOR = load_vehicle('tractor_4wd')
 LOAM = load_soil('sandy_loam_chrono')
+STEP_TIME = 4.0
 DROP_TIME = STEP_TIME + STEP_WINDOW
 END = 10.0
 
@@ -95,7 +96,9 @@ def test_steady_pull_is_that_of_the_tractive_figures():
 def test_first_order_answer_settles_when_it_should():
     # 1 - exp(-t/tau) is within 10 % from tau*ln(10), and 5 % from tau*ln(20): at 0.2 s,
     # 0.4605 and 0.5991 s, seen at the next sample.
-    found = trial.judge(stepped(lambda t: STEP * (1 - np.exp(-t / 0.2))), HELD, DROP_TIME)
+    found = trial.judge(
+        stepped(lambda t: STEP * (1 - np.exp(-t / 0.2))), HELD, STEP_TIME, DROP_TIME
+    )
     assert found.settling == pytest.approx(0.47)
     assert found.settling_narrow == pytest.approx(0.60)
     assert found.overshoot == 0.0
@@ -115,7 +118,7 @@ def test_second_order_answer_overshoots_as_it_should():
         decay = np.exp(-damping * rate * t)
         return STEP * (1 - decay * (np.cos(fast * t) + damping * rate / fast * np.sin(fast * t)))
 
-    found = trial.judge(stepped(answer), HELD, DROP_TIME)
+    found = trial.judge(stepped(answer), HELD, STEP_TIME, DROP_TIME)
     assert found.overshoot == pytest.approx(0.163, abs=0.002)
     assert found.stable
 
@@ -125,11 +128,11 @@ def test_answer_is_free_of_what_both_drives_have():
     other = drive(TARGET + noise, TARGET)
     step = stepped(lambda t: STEP * (1 - np.exp(-t / 0.2)))
     noisy = dataclasses.replace(step, slip=step.slip + noise[:, None])
-    assert trial.judge(noisy, other, DROP_TIME).settling == pytest.approx(0.47)
+    assert trial.judge(noisy, other, STEP_TIME, DROP_TIME).settling == pytest.approx(0.47)
 
 
 def test_answer_that_never_comes():
-    found = trial.judge(stepped(lambda t: 0.8 * STEP + 0 * t), HELD, DROP_TIME)
+    found = trial.judge(stepped(lambda t: 0.8 * STEP + 0 * t), HELD, STEP_TIME, DROP_TIME)
     assert math.isinf(found.settling)
 
 
@@ -154,14 +157,14 @@ def late(value, start, end):
     ],
 )
 def test_what_is_stable(slip, stable):
-    assert trial.judge(drive(slip), HELD, DROP_TIME).stable is stable
+    assert trial.judge(drive(slip), HELD, STEP_TIME, DROP_TIME).stable is stable
 
 
 def test_oscillation_is_not_stable():
     t = DT * np.arange(round(END / DT))
     # Amplitude 0.15: 0.106 in the mean of squares.
     slip = late(0.0, 0.0, 0.0) + np.where(t > 7.0, 0.15 * np.sin(2 * math.pi * 2 * t), 0.0)
-    assert not trial.judge(drive(slip), HELD, DROP_TIME).stable
+    assert not trial.judge(drive(slip), HELD, STEP_TIME, DROP_TIME).stable
 
 
 @pytest.fixture(scope='module')
@@ -190,19 +193,21 @@ def test_trial_goes_as_told(driven):
     # Rear wheels in ruts pull more than on fresh soil, so it is faster, but not by much.
     assert 2.0 < figures.speed < 3.0
     t = run.t
-    assert np.all(run.target == np.where(t < STEP_TIME - DT / 2, TARGET, TARGET + STEP))
+    assert np.all(run.target == np.where(t < driven.step_time - DT / 2, TARGET, TARGET + STEP))
     assert np.all(driven.unstepped.target == TARGET)
     # The same until the step.
-    before = driven.unstepped.t < STEP_TIME
+    before = driven.unstepped.t < driven.step_time - DT / 2
     assert np.array_equal(run.slip[: len(before)][before], driven.unstepped.slip[before])
     assert figures.settling < STEP_WINDOW
-    answer = trial.answer(run, driven.unstepped)
+    answer = trial.answer(run, driven.unstepped, driven.step_time)
     assert answer[-1] == pytest.approx([STEP] * 4, abs=0.1 * STEP)
 
 
 def test_tau_max_halves_under_front_and_then_rear_wheels(driven):
     run, start = driven.stepped, driven.drop_time
-    assert start == pytest.approx(DROP_TIME)
+    # At 2 m/s and more the wheelbase of 2.4 m is behind after 1.2 s.
+    assert driven.step_time == pytest.approx(trial.FIRST_STEP)
+    assert start == pytest.approx(driven.step_time + STEP_WINDOW)
     first = round(start / DT)
     place = run.x[first]
     rear = int(np.searchsorted(run.x, place + 2.4))
@@ -219,7 +224,7 @@ def test_tau_max_halves_under_front_and_then_rear_wheels(driven):
 def test_columns_keep_the_order():
     figures = [
         dataclasses.replace(
-            trial.judge(drive(TARGET), HELD, DROP_TIME), rmse=rmse, stable=rmse < 0.2
+            trial.judge(drive(TARGET), HELD, STEP_TIME, DROP_TIME), rmse=rmse, stable=rmse < 0.2
         )
         for rmse in (0.1, 0.3)
     ]

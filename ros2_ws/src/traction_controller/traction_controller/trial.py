@@ -1,9 +1,10 @@
 """Trials of slip control: drives drawn at random over soils, masses, speeds, drives and sensors.
 
 A trial holds slip at a target, on a soil whose tau_max, K and n the control does not know. It
-starts rolling at the drawn speed and takes up the draft of its implement; after `STEP_TIME` the
-target rises by `STEP`, and `STEP_WINDOW` later all wheels, one axle after the other, come onto
-soil of half the tau_max. Draft is in proportion to speed, and where the soil does not pull
+starts rolling at the drawn speed and takes up the draft of its implement. When the rear wheels
+have come into the ruts of the front ones, and `SETTLE` has passed since, the target rises by
+`STEP`; `STEP_WINDOW` later all wheels, one axle after the other, come onto soil of half the
+tau_max. Draft is in proportion to speed, and where the soil does not pull
 enough, the path goes downhill, so that steady motion at the target has the drawn speed on both
 soils; when the front wheels come onto the weaker one, the draft changes to that.
 
@@ -39,8 +40,14 @@ TARGET = 0.15
 STEP = 0.05
 """Rise of the target, dimensionless."""
 
-STEP_TIME = 4.0
-"""When the target rises, s."""
+FIRST_STEP = 4.0
+"""When the target rises at the earliest, s."""
+
+SETTLE = 2.0
+"""Time that rear wheels have been in the ruts of front wheels by then, s."""
+
+LONGEST_START = 20.0
+"""When the target rises at the latest, s, even if the vehicle has not got that far."""
 
 STEP_WINDOW = 2.5
 """Time over which the answer to the step is judged, s."""
@@ -54,9 +61,6 @@ DROP_WINDOW = 3.0
 LONGEST_DROP = 15.0
 """Time after which a drive ends that has not got there, s."""
 
-JUDGED_FROM = 2.0
-"""From when on slip counts, s: by then the draft is there and slip is at its target."""
-
 LEAST_DRAFT = 0.2
 """Least draft as a share of the vehicle's weight; what the soil does not pull, the slope does."""
 
@@ -66,10 +70,14 @@ RAMP = 1.0
 BANDS = (0.10, 0.05)
 """Bands about its end within which an answer counts as settled, as shares of the step."""
 
-# When a drive is stable: see `judge`.
 LAST = 1.0
+"""Time before the step from which on a trial is judged, s."""
+
 LARGEST_ERROR = 0.1
+"""Root mean square error of slip, over a second, above which a drive is not stable."""
+
 RUNAWAY = 0.6
+"""Slip that must not last for a second."""
 
 INTEGRATION = 2e-3
 """Integration step of the plant, s: half and twice of it give the same figures."""
@@ -180,7 +188,7 @@ class Figures:
     settling_worst, overshoot_worst : float
         The same as `settling` (s) and `overshoot` (dimensionless) of the worst wheel.
     rmse : float
-        Root mean square of slip less target, over all wheels, from `JUDGED_FROM` on.
+        Root mean square of slip less target, over all wheels, from `LAST` before the step on.
     rmse_before : float
         The same up to the change of soil, dimensionless.
     estimate_rmse : float
@@ -188,7 +196,7 @@ class Figures:
     peak : float
         Largest slip of any wheel after the first came onto the weaker soil, dimensionless.
     work, energy : float
-        Tractive work and work of all shafts from `JUDGED_FROM` on, J (N*m).
+        Tractive work and work of all shafts from `LAST` before the step on, J (N*m).
     speed : float
         Mean speed over `LAST` before the step, m/s.
     """
@@ -218,6 +226,8 @@ class Trial:
         What was drawn.
     stepped, unstepped : Drive
         The drive, and the copy whose target stays, in SI units.
+    step_time : float
+        When the target rose, s.
     drop_time : float
         When the first wheels came onto the weaker soil, s.
     figures : Figures
@@ -227,6 +237,7 @@ class Trial:
     draw: Draw
     stepped: Drive
     unstepped: Drive
+    step_time: float
     drop_time: float
     figures: Figures
 
@@ -365,38 +376,45 @@ def run_trial(
         while loop.t < t - DT / 2:
             loop.step(request)
 
-    until(loop, STEP_TIME)
+    plant = loop.plant
+    foremost, hindmost = own.wheel_positions.max(), own.wheel_positions.min()
+    length = float(foremost - hindmost)
+    while plant.x < length and loop.t < LONGEST_START - SETTLE:
+        loop.step(request)
+    until(loop, max(FIRST_STEP, loop.t + SETTLE))
+    step_time = loop.t
     other = copy.deepcopy(loop)
     loop.control.set_target(TARGET + STEP)
     for each in (loop, other):
-        until(each, STEP_TIME + STEP_WINDOW)
-    plant = loop.plant
+        until(each, step_time + STEP_WINDOW)
     drop_time = loop.t
-    foremost = float(np.max(own.wheel_positions))
-    plant.terrain = Terrain([firm, weak], [plant.x + foremost], downhill)
+    plant.terrain = Terrain([firm, weak], [plant.x + float(foremost)], downhill)
     plant.drawbar = Drawbar(0.0, drafts[1] / draw.speed)
-    end = plant.x + foremost - float(np.min(own.wheel_positions))
+    end = plant.x + length
     while plant.x < end and loop.t < drop_time + LONGEST_DROP:
         loop.step(request)
     until(loop, loop.t + DROP_WINDOW)
     stepped, unstepped = loop.drive(), other.drive()
-    return Trial(draw, stepped, unstepped, drop_time, judge(stepped, unstepped, drop_time))
+    figures = judge(stepped, unstepped, step_time, drop_time)
+    return Trial(draw, stepped, unstepped, step_time, drop_time, figures)
 
 
-def answer(stepped: Drive, unstepped: Drive) -> Array:
+def answer(stepped: Drive, unstepped: Drive, step_time: float) -> Array:
     """What the step of the target did to every wheel's true slip.
 
     Parameters
     ----------
     stepped, unstepped : Drive
         A drive and its copy without the step, SI units.
+    step_time : float
+        When the target rose, s.
 
     Returns
     -------
     ndarray, shape (k, n)
         Difference of slips over `STEP_WINDOW` from the step on, dimensionless.
     """
-    first = round(STEP_TIME / DT)
+    first = round(step_time / DT)
     last = first + round(STEP_WINDOW / DT)
     return stepped.slip[first:last] - unstepped.slip[first:last]
 
@@ -422,7 +440,7 @@ def settling_time(response: Array, band: float) -> float:
     return math.inf if outside[-1] == len(response) - 1 else float(outside[-1] + 1) * DT
 
 
-def judge(stepped: Drive, unstepped: Drive, drop_time: float) -> Figures:
+def judge(stepped: Drive, unstepped: Drive, step_time: float, drop_time: float) -> Figures:
     """Find the figures of a trial.
 
     A drive is stable where all numbers are finite, no wheel runs away (its slip does not stay
@@ -434,6 +452,8 @@ def judge(stepped: Drive, unstepped: Drive, drop_time: float) -> Figures:
     ----------
     stepped, unstepped : Drive
         The drive, and the copy whose target stays, SI units.
+    step_time : float
+        When the target rose, s.
     drop_time : float
         When the first wheels came onto the weaker soil, s.
 
@@ -450,16 +470,17 @@ def judge(stepped: Drive, unstepped: Drive, drop_time: float) -> Figures:
     )  # fmt: skip
     back = all(
         np.max(np.sqrt(np.mean(error[(t >= end - LAST) & (t < end)] ** 2, axis=0))) < LARGEST_ERROR
-        for end in (STEP_TIME, drop_time, t[-1] + DT)
+        for end in (step_time, drop_time, t[-1] + DT)
     )
-    judged = t >= JUDGED_FROM
+    start = step_time - LAST
+    judged = t >= start - DT / 2
     span = round(LAST / DT)
     running = np.lib.stride_tricks.sliding_window_view(stepped.slip[judged], span, axis=0)
     runaway = bool(np.any(running.min(axis=-1) > RUNAWAY))
-    response = answer(stepped, unstepped)
+    response = answer(stepped, unstepped, step_time)
     mean = response.mean(axis=1)
-    work, energy = stepped.efficiency(JUDGED_FROM)
-    before = (t >= STEP_TIME - LAST) & (t < STEP_TIME)
+    work, energy = stepped.efficiency(start - DT / 2)
+    before = judged & (t < step_time - DT / 2)
     wheels = range(response.shape[1])
     return Figures(
         stable=finite and back and not runaway,
