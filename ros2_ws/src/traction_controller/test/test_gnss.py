@@ -93,6 +93,34 @@ def test_variance_of_the_speed_is_honest():
     assert 0.90 <= inside / count <= 0.99
 
 
+def test_readings_are_independent_of_each_other():
+    """Another filter of the same walk, fed with them, is as honest; with speeds it is not."""
+    noise = GnssNoise()
+    walk = math.hypot(noise.acceleration, noise.manoeuvre * 2.0) ** 2 * DT
+    inside, count = {'reading': 0, 'speed': 0}, 0
+    for seed in range(40):
+        random = np.random.default_rng(seed)
+        speeds = 2.0 + np.cumsum(math.sqrt(walk) * random.standard_normal(200))
+        track, place = GnssTrack(noise), np.zeros(2)
+        peers = {'reading': (2.0, 1.0), 'speed': (2.0, 1.0)}
+        for k, v in enumerate(speeds):
+            place = place + v * DT * np.array([1.0, 0.0])
+            track.fix(k * DT, place + noise.position * random.standard_normal(2))
+            for kind, (x, p) in peers.items():
+                p += walk
+                z, r = track.speed, track.speed_variance
+                if kind == 'reading':
+                    z, r = track.reading, track.reading_variance
+                gain = 0.0 if math.isinf(r) else p / (p + r)
+                x, p = x + gain * (z - x), (1 - gain) * p
+                peers[kind] = x, p
+                if k > 20:
+                    inside[kind] += abs(x - v) <= 2 * math.sqrt(p)
+            count += k > 20
+    assert 0.90 <= inside['reading'] / count <= 0.99
+    assert inside['speed'] / count < 0.90
+
+
 @given(
     row=st.integers(15, 95),
     angle=st.floats(0, 2 * math.pi),
@@ -105,6 +133,7 @@ def test_a_single_jump_is_refused_and_leaves_no_trace(row, angle, size, v):
     _, before = drive(clean, [v] * 100, [v] * 100, noise=0.01)
     _, after = drive(spoilt, [v] * 100, [v] * 100, {row: jump}, noise=0.01)
     assert not after[row, 0]
+    assert clean.reading_variance < math.inf
     assert spoilt.refused == 1
     assert spoilt.rebased == 0
     assert np.all(after[np.arange(100) != row, 0] == 1)
@@ -119,7 +148,7 @@ def test_a_single_jump_is_refused_and_leaves_no_trace(row, angle, size, v):
 def test_a_jump_that_stays_is_no_way_travelled(lasting, angle):
     jump = 0.3 * np.array([math.cos(angle), math.sin(angle)])
     track = GnssTrack()
-    rows = {k: jump for k in range(30, 30 + lasting)}
+    rows = dict.fromkeys(range(30, 30 + lasting), jump)
     travelled, said = drive(track, [1.2] * 150, [1.2] * 150, rows, noise=0.005)
     assert not said[30, 0]
     # It goes on from there within a second, back again too where the jump ends.
@@ -172,6 +201,7 @@ def test_slow_and_standing_is_not_valid():
     track = GnssTrack(least_speed=0.3)
     drive(track, [0.2] * 50, [0.2] * 50, noise=0.005)
     assert not track.valid
+    assert math.isinf(track.reading_variance)
     assert track.distance == 0.0
     drive(fast := GnssTrack(least_speed=0.3), [0.5] * 50, [0.5] * 50, noise=0.005)
     assert fast.valid

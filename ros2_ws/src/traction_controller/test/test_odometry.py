@@ -194,8 +194,8 @@ def test_compensated_beats_wheels_on_recorded_runs(chrono, capsys):
         deviation = math.sqrt(odometry.variance)
         with capsys.disabled():
             print(
-                f'\n{name}: {true:.2f} m, error {compensated:+.3f} m (2 sigma {2 * deviation:.3f}),'
-                f' wheels alone {uncompensated:+.3f} m',
+                f'\n{name}: {true:.2f} m, error {compensated:+.3f} m (2 sigma '
+                f'{2 * deviation:.3f}), wheels alone {uncompensated:+.3f} m',
                 end='',
             )
         assert abs(compensated) < 0.2 * abs(uncompensated)

@@ -222,7 +222,9 @@ class GnssTrack:
         By how much a stamp is later than the measurement, s, at least 0; 0 where the receiver
         stamps the time of measurement.
     least_speed : float
-        Ground speed below which speed and heading are not valid, m/s, above 0.
+        Ground speed below which speed and heading are not valid, m/s, above 0. Two fixes dt
+        apart tell the speed to sqrt(2)*position/dt, whatever it is: 0.3 m/s at 10 Hz, which
+        the filter brings down to about 0.05.
     gate : float
         Standard deviations from the expected place beyond which a fix is refused, above 0,
         dimensionless.
@@ -241,6 +243,10 @@ class GnssTrack:
         Number of fixes refused so far.
     rebased : int
         Number of times that the track went on from fixes first refused.
+    reading, reading_variance : float
+        What the newest fix alone says about the speed at `speed_t`, m/s, and its variance,
+        m^2/s^2: for another filter, to which `speed` would tell the same again and again.
+        Variance is infinite where the fix says nothing, or nothing that can be believed.
     """
 
     # Without a fix for this long, s, what was known of position and speed is given up.
@@ -250,8 +256,8 @@ class GnssTrack:
     _UNKNOWN_SPEED = 10.0
     # That many fixes at least must agree before the track goes on from them.
     _LEAST_FIXES = 4
-    # Standard deviation of the velocity where fixes begin to be refused, as a share of it: at
-    # five of these the vehicle may stand, or go twice as fast.
+    # Standard deviation of the velocity where fixes begin to be refused, as a share of it:
+    # within the gate the vehicle may stand, or go twice as fast.
     _CHANGED = 0.25
 
     def __init__(
@@ -286,6 +292,7 @@ class GnssTrack:
         """Forget position and speed; distance and counts stay."""
         self.t: float | None = None
         self._motion: Motion | None = None
+        self.reading, self.reading_variance = 0.0, math.inf
         self._believed_t = -math.inf
         self._dt = 0.0
         self._rim_speed = math.nan
@@ -444,7 +451,7 @@ class GnssTrack:
             self.t = self._believed_t = t
             return True
         before = self._motion.p
-        motion = self._carry(t)
+        motion = expected = self._carry(t)
         off = motion.off(kind, measured, variance)
         # The longer fixes are refused, the less a place is known: one that fits the track on
         # trial better belongs to that.
@@ -467,9 +474,23 @@ class GnssTrack:
         if believed:
             self._believed_t = t
         self._motion = motion
+        self._read(expected, believed)
         if self.valid:
             self.distance += self._sense * float(self._direction @ (motion.p - before))
         return believed
+
+    def _read(self, expected: Motion, believed: bool) -> None:
+        """Find what a fix has added to what was known of the speed."""
+        assert self._motion is not None
+        self.reading, self.reading_variance = self.speed, math.inf
+        along = self._direction
+        before, after = float(along**2 @ expected.uu), self.speed_variance
+        if believed and self.valid and after < (1.0 - 1e-9) * before:
+            # As of two independent readings whose mean is the present speed.
+            share = before / (before - after)
+            was = self._sense * float(along @ expected.u)
+            self.reading = was + share * (self.speed - was)
+            self.reading_variance = share * after
 
     @staticmethod
     def _start(kind: int, measured: Array, variance: Array, u: Array, deviation: float) -> Motion:
@@ -508,9 +529,7 @@ class GnssTrack:
             self._trial = self._trial.carried(dt, change, growth)
         return self._motion.carried(dt, change, growth)
 
-    def _try(
-        self, motion: Motion, kind: int, measured: Array, variance: Array
-    ) -> Motion | None:
+    def _try(self, motion: Motion, kind: int, measured: Array, variance: Array) -> Motion | None:
         """Follow refused measurements, and return their track once it can be trusted."""
         assert self.t is not None
         trial = self._trial

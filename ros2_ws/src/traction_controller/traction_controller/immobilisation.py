@@ -152,7 +152,7 @@ class Immobilisation:
     ) -> None:
         self._radii = np.atleast_1d(np.asarray(radii, dtype=float))
         if self._radii.ndim != 1 or not np.all(np.isfinite(self._radii) & (self._radii > 0)):
-            raise ValueError(f'radii must be above 0 m, got {radii}')
+            raise ValueError(f'radii must be above 0 m, got {radii!r}')
         if not (math.isfinite(weight) and weight > 0):
             raise ValueError(f'weight must be above 0 N, got {weight}')
         self._weight = weight
@@ -306,16 +306,16 @@ class Immobilisation:
             # On meeting soft soil wheels sink fast, but not for long and not to their axles.
             if below < min(limits.horizon, found[1]) and self._depth.value > limits.sinkage / 2:
                 found = (Reason.SINKING, max(below, 0.0))
-        if found[0] is Reason.NONE and self.slip >= limits.slip and rim > limits.least_speed:
-            # Moving off, the vehicle gains speed all the while.
-            if rate <= 0.0:
-                found = (Reason.SLIPPING, found[1])
+        # Moving off, the vehicle gains speed all the while.
+        slipping = self.slip >= limits.slip and rim > limits.least_speed and rate <= 0.0
+        if found[0] is Reason.NONE and slipping:
+            found = (Reason.SLIPPING, found[1])
         return found
 
     def _checked(self, what: str, values: ArrayLike) -> Array:
         array = np.asarray(values, dtype=float)
         if array.shape != self._radii.shape or not np.all(np.isfinite(array)):
             raise ValueError(
-                f'expected a finite {what} for each of {self._radii.size} wheels, got {values}'
+                f'expected a finite {what} for each of {self._radii.size} wheels, got {values!r}'
             )
         return array

@@ -53,7 +53,10 @@ def axle_yaw_rate(
     ValueError
         If a number is not finite, or track width or deviation are not above 0.
     """
-    for name, value in (('track_width', track_width), ('rim_speed_deviation', rim_speed_deviation)):
+    for name, value in (
+        ('track_width', track_width),
+        ('rim_speed_deviation', rim_speed_deviation),
+    ):
         if not (math.isfinite(value) and value > 0):
             raise ValueError(f'{name} must be above 0, got {value}')
     if not (math.isfinite(left) and math.isfinite(right) and abs(slip) <= 1):

@@ -99,21 +99,27 @@ class RollingRadius:
     state : Calibration
         What went on at the last call.
     measured : ndarray of int, shape (n,)
-        Measurements taken in so far.
+        Number of measurements taken in so far.
     refused : ndarray of int, shape (n,)
-        Measurements refused so far as contradicting the radius.
+        Number of measurements refused so far as contradicting the radius.
     """
 
     # A calibration is done at this standard deviation.
     CALIBRATED = 0.01
     # Readings further apart than this, s, do not belong together.
     _LONGEST_GAP = 2.5
-    # Standard deviations beyond which a measurement is refused, and how many of them above the
-    # radius, one after the other, show that it is too small.
+    # Standard deviations beyond which a measurement is refused: above, and below the known
+    # radius, where slip can put it ...
     _GATE = 3.0
     _GATE_BELOW = 2.0
+    # ... and beyond which it counts no more than one at this limit.
     _HUBER = 1.5
+    # That many above, one after the other, show that the radius is too small.
     _TELLING = 3
+
+    _slowest: float
+    _fastest: float
+    _heading: float
 
     def __init__(
         self,
@@ -123,7 +129,7 @@ class RollingRadius:
     ) -> None:
         self.nominal = np.atleast_1d(np.asarray(nominal, dtype=float))
         if self.nominal.ndim != 1 or not np.all(np.isfinite(self.nominal) & (self.nominal > 0)):
-            raise ValueError(f'nominal radii must be above 0 m, got {nominal}')
+            raise ValueError(f'nominal radii must be above 0 m, got {nominal!r}')
         if not (math.isfinite(deviation) and deviation > 0):
             raise ValueError(f'deviation must be above 0, got {deviation}')
         self.ground = ground
@@ -191,7 +197,7 @@ class RollingRadius:
         n = self.nominal.size
         turned = np.asarray(angle, dtype=float)
         if turned.shape != (n,) or not np.all(np.isfinite(turned)):
-            raise ValueError(f'angles of {n} wheels must be finite numbers, got {angle}')
+            raise ValueError(f'angles of {n} wheels must be finite numbers, got {angle!r}')
         efforts = np.broadcast_to(np.asarray(effort, dtype=float), (n,))
         if not math.isfinite(t) or t < self._t:
             raise ValueError(f'time of measurement {t} s is not finite or before {self._t} s')
@@ -216,7 +222,8 @@ class RollingRadius:
             # Of the interval before, that is, where there was one.
             self._first_rim = rim if math.isnan(self._rim) else self._rim
         self._rim = rim
-        self._slowest, self._fastest = min(self._slowest, rim), max(self._fastest, rim)
+        self._slowest = min(self._slowest, rim)
+        self._fastest = max(self._fastest, rim)
         if self._fastest - self._slowest > self.ground.largest_change * self._fastest:
             self._break_off(Calibration.UNSTEADY)
             return
@@ -239,7 +246,8 @@ class RollingRadius:
         self._rolled = np.zeros(n)
         self._length = 0.0
         self._rolling = np.ones(n, dtype=bool)
-        self._slowest, self._fastest = math.inf, 0.0
+        self._slowest = math.inf
+        self._fastest = 0.0
         self._first_rim = 0.0
         self._heading = math.nan
 
