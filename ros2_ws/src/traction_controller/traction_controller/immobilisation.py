@@ -1,0 +1,321 @@
+"""Warning before a vehicle is stuck: that it stalls, or that its wheels dig in.
+
+A wheel that spins at standstill digs its own hole, so the warning has to come while the
+vehicle still moves and can be helped: by a higher hitch, less draft, a lock. Three signs,
+each extrapolated at its present rate to the moment at which the vehicle stands:
+
+- *stalling*: the ground speed falls although torque goes on as before; the soil holds more
+  than the wheels pull;
+- *digging in*: the wheels speed up while the ground speed falls; the soil has given all its
+  strength, and more torque only moves soil;
+- *sinking*: the wheels go down steadily, and with them resistance goes up.
+
+And one without a rate: *slipping*, most of the power going into the soil.
+
+Slip is taken of all driven wheels together, as the share of their power that they lose,
+``1 - v*sum(T/r)/sum(T*omega)``.
+"""
+
+import math
+from collections import deque
+from dataclasses import dataclass, fields
+from enum import Enum, IntEnum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+class Level(IntEnum):
+    """How near the vehicle is to being stuck."""
+
+    NONE = 0
+    WARNING = 1
+    IMMOBILISED = 2
+
+
+class Reason(Enum):
+    """Why a warning is given."""
+
+    NONE = ''
+    STALLING = 'ground speed falls though torque goes on'
+    DIGGING_IN = 'wheels speed up while ground speed falls'
+    SLIPPING = 'most of the power is lost in slip'
+    SINKING = 'wheels sink in steadily'
+    STUCK = 'stands though torque goes on'
+
+
+@dataclass(frozen=True)
+class WarningLimits:
+    """When to warn; all above 0.
+
+    Attributes
+    ----------
+    horizon : float
+        Time to standstill, at the present rate, at which a warning is given, s.
+    least_speed : float
+        Ground speed below which the vehicle counts as standing, m/s.
+    slip : float
+        Share of power lost in slip at which a warning is given, dimensionless.
+    digging_slip : float
+        Share from which on falling ground and rising wheel speed are digging in.
+    mobilised : float
+        Share of the soil's strength at which thrust counts as exhausted, dimensionless; from
+        there on half of `digging_slip` is enough.
+    effort : float
+        Drive torque over rolling radius as a share of the weight, below which the vehicle is
+        not trying, dimensionless.
+    sinkage : float
+        Sinkage over radius at which a wheel does not get on any more, dimensionless.
+    confirmation : float
+        How long a sign must last, s.
+    release : float
+        How long all must be well before a warning is withdrawn, s.
+    """
+
+    horizon: float = 1.5
+    least_speed: float = 0.3
+    slip: float = 0.6
+    digging_slip: float = 0.3
+    mobilised: float = 0.95
+    effort: float = 0.05
+    sinkage: float = 0.8
+    confirmation: float = 0.1
+    release: float = 1.0
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not (math.isfinite(value) and value > 0):
+                raise ValueError(f'limit {field.name} must be above 0, got {value}')
+
+
+class _Trend:
+    """A smoothed value and its rate."""
+
+    def __init__(self) -> None:
+        self.value = math.nan
+        self.rate = 0.0
+
+    def follow(self, value: float, share: float, dt: float) -> None:
+        if math.isnan(self.value) or not math.isfinite(value):
+            # Where it is not known, nothing is known of its rate either.
+            self.value, self.rate = value, 0.0
+            return
+        change = share * (value - self.value)
+        self.value += change
+        self.rate += share * (change / dt - self.rate)
+
+
+class Immobilisation:
+    """Watches speeds, slip, thrust and sinkage, and warns before the vehicle is stuck.
+
+    Parameters
+    ----------
+    radii : array_like, shape (n,)
+        Rolling radii, m, above 0.
+    weight : float
+        Weight of the vehicle, N, above 0.
+    limits : WarningLimits
+        When to warn.
+
+    Attributes
+    ----------
+    level : Level
+        How near the vehicle is to being stuck.
+    reason : Reason
+        Why, while `level` is not NONE.
+    time_left : float
+        Time until it stands at the present rate, s; infinite where nothing points to that, 0
+        where it is stuck.
+    slip : float
+        Share of the power lost in slip, 0 to 1.
+    """
+
+    # Time constant of the trends, s: short against the horizon, long against sensor noise and
+    # the lugs' shaking.
+    _TREND = 0.3
+    # Torque goes on while it is at least this share of its largest of the last seconds.
+    _GOES_ON = 0.85
+    _TORQUE_MEMORY = 4.0
+    # For so long, s, it must have gone on, until speed and its trend have followed.
+    _FOLLOWED = 0.5
+    # Readings further apart than this, s, do not belong together.
+    _LONGEST_GAP = 0.5
+    # For so long it must stand though torque goes on, s, to count as stuck: it takes as long
+    # to move off.
+    _STANDING = 1.5
+
+    def __init__(
+        self, radii: ArrayLike, weight: float, limits: WarningLimits = WarningLimits()
+    ) -> None:
+        self._radii = np.atleast_1d(np.asarray(radii, dtype=float))
+        if self._radii.ndim != 1 or not np.all(np.isfinite(self._radii) & (self._radii > 0)):
+            raise ValueError(f'radii must be above 0 m, got {radii!r}')
+        if not (math.isfinite(weight) and weight > 0):
+            raise ValueError(f'weight must be above 0 N, got {weight}')
+        self._weight = weight
+        self.limits = limits
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything: no warning."""
+        self.level = Level.NONE
+        self.reason = Reason.NONE
+        self.time_left = math.inf
+        self.slip = 0.0
+        self._t: float | None = None
+        self._forget()
+        self._signs_since: float | None = None
+        self._well_since: float | None = None
+        self._standing_since: float | None = None
+
+    def _forget(self) -> None:
+        self._speed, self._rim, self._depth = _Trend(), _Trend(), _Trend()
+        # Of the last seconds, falling: the first is the largest.
+        self._pulls: deque[tuple[float, float]] = deque()
+        self._goes_on_since = math.inf
+
+    def step(
+        self,
+        t: float,
+        v: float,
+        omega: ArrayLike,
+        torque: ArrayLike,
+        mobilised: float = math.nan,
+        sinkage: ArrayLike = math.nan,
+    ) -> Level:
+        """Judge a moment.
+
+        Parameters
+        ----------
+        t : float
+            Time, s.
+        v : float
+            Speed over ground, m/s, forward positive.
+        omega : array_like, shape (n,)
+            Wheel speeds, rad/s, forward positive.
+        torque : array_like, shape (n,)
+            Shaft torques, N*m, forward positive.
+        mobilised : float
+            Thrust of all driven wheels as a share of what the soil can give at most,
+            dimensionless; NaN where not known.
+        sinkage : array_like, shape (n,) or ()
+            Sinkage of every wheel, m; NaN where not known.
+
+        Returns
+        -------
+        Level
+            The new `level`.
+
+        Raises
+        ------
+        ValueError
+            If a number is not finite (but for `mobilised` and `sinkage`), there are not as many
+            as wheels, or time runs backwards; nothing is taken in then.
+        """
+        speeds, torques = self._checked('wheel speed', omega), self._checked('torque', torque)
+        if not (math.isfinite(t) and math.isfinite(v)):
+            raise ValueError(f'speed {v} m/s at {t} s is not usable')
+        if self._t is not None and t < self._t:
+            raise ValueError(f'time runs backwards: {t:.6f} s after {self._t:.6f} s')
+        dt = 0.0 if self._t is None else t - self._t
+        self._t = t
+        if dt > self._LONGEST_GAP:
+            self._forget()
+        if math.isinf(self._goes_on_since):
+            self._goes_on_since = t
+        # Everything is seen along the pull.
+        pulls = torques / self._radii
+        along = 1.0 if float(pulls.sum()) >= 0 else -1.0
+        driven = np.maximum(along * pulls, 0.0)
+        pull = float(driven.sum())
+        rim = along * float(driven @ (self._radii * speeds)) / pull if pull > 0 else 0.0
+        speed = along * v
+        depths = np.broadcast_to(np.asarray(sinkage, dtype=float), self._radii.shape)
+        depth = float(np.max(depths / self._radii))
+        if dt > 0 or math.isnan(self._speed.value):
+            share = 1.0 - math.exp(-dt / self._TREND)
+            for trend, value in ((self._speed, speed), (self._rim, rim), (self._depth, depth)):
+                trend.follow(value, share, dt)
+        # Of smoothed speeds: a single reading of a coarse tachometer is no slip.
+        ahead, turning = self._speed.value, self._rim.value
+        self.slip = min(1.0, max(0.0, 1.0 - ahead / turning)) if turning > 0 else 0.0
+        while self._pulls and self._pulls[-1][1] <= pull:
+            self._pulls.pop()
+        self._pulls.append((t, pull))
+        while self._pulls[0][0] < t - self._TORQUE_MEMORY:
+            self._pulls.popleft()
+        trying = pull >= self.limits.effort * self._weight
+        if not (trying and pull >= self._GOES_ON * self._pulls[0][1]):
+            self._goes_on_since = t
+        goes_on = t - self._goes_on_since >= self._FOLLOWED
+        self._decide(t, speed, rim, trying, goes_on, mobilised)
+        return self.level
+
+    def _decide(
+        self, t: float, speed: float, rim: float, trying: bool, goes_on: bool, mobilised: float
+    ) -> None:
+        limits = self.limits
+        standing = trying and speed < limits.least_speed and (goes_on or rim > limits.least_speed)
+        if not standing:
+            self._standing_since = None
+        elif self._standing_since is None:
+            self._standing_since = t
+        if self._standing_since is not None and t - self._standing_since >= self._STANDING:
+            self.level, self.reason, self.time_left = Level.IMMOBILISED, Reason.STUCK, 0.0
+            self._well_since = None
+            return
+        reason, self.time_left = self._sign(speed, rim, trying, goes_on, mobilised)
+        if reason is not Reason.NONE:
+            self._well_since = None
+            if self._signs_since is None:
+                self._signs_since = t
+            if t - self._signs_since >= limits.confirmation:
+                self.level, self.reason = Level.WARNING, reason
+            return
+        self._signs_since = None
+        # What was a warning stays one while it stands, or while it is near.
+        if self.level is Level.NONE or standing or self.time_left < 2.0 * limits.horizon:
+            self._well_since = None
+        elif self._well_since is None:
+            self._well_since = t
+        if self._well_since is not None and t - self._well_since >= limits.release:
+            self.level, self.reason = Level.NONE, Reason.NONE
+
+    def _sign(
+        self, speed: float, rim: float, trying: bool, goes_on: bool, mobilised: float
+    ) -> tuple[Reason, float]:
+        """The most urgent sign, and the time that it leaves."""
+        limits = self.limits
+        found = (Reason.NONE, math.inf)
+        if not trying:
+            return found
+        rate = self._speed.rate
+        falling = rate < 0.0 and speed > limits.least_speed
+        left = (speed - limits.least_speed) / -rate if falling else math.inf
+        least_slip = limits.digging_slip * (0.5 if mobilised >= limits.mobilised else 1.0)
+        digging = falling and self._rim.rate > 0.0 and self.slip >= least_slip
+        if digging and left < 2.0 * limits.horizon:
+            found = (Reason.DIGGING_IN, left)
+        elif falling and goes_on:
+            found = (Reason.STALLING if left < limits.horizon else Reason.NONE, left)
+        if self._depth.rate > 0.0:
+            below = (limits.sinkage - self._depth.value) / self._depth.rate
+            # On meeting soft soil wheels sink fast, but not for long and not to their axles.
+            if below < min(limits.horizon, found[1]) and self._depth.value > limits.sinkage / 2:
+                found = (Reason.SINKING, max(below, 0.0))
+        # Moving off, the vehicle gains speed all the while.
+        slipping = self.slip >= limits.slip and rim > limits.least_speed and rate <= 0.0
+        if found[0] is Reason.NONE and slipping:
+            found = (Reason.SLIPPING, found[1])
+        return found
+
+    def _checked(self, what: str, values: ArrayLike) -> Array:
+        array = np.asarray(values, dtype=float)
+        if array.shape != self._radii.shape or not np.all(np.isfinite(array)):
+            raise ValueError(
+                f'expected a finite {what} for each of {self._radii.size} wheels, got {values!r}'
+            )
+        return array
