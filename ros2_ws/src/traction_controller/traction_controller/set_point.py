@@ -221,7 +221,8 @@ class SetPoint:
         if within[best - 1 : best + 2].sum() == 3:
             # Top of the parabola through the best and its neighbours.
             before, top, after = worth[best - 1 : best + 2]
-            goal += 0.5 * (before - after) / (before - 2.0 * top + after) * (_SLIPS[1] - _SLIPS[0])
+            lean = float(0.5 * (before - after) / (before - 2.0 * top + after))
+            goal += lean * float(_SLIPS[1] - _SLIPS[0])
         return min(max(goal, self.low), self.high)
 
     def _interpolated(self, kind: int, strength: float, modulus: float) -> NDArray[np.float64]:
