@@ -283,6 +283,25 @@ class SlipControl:
         self._untold.append(f'{what}: {reason}')
         self.change_count += 1
 
+    @classmethod
+    def check_target(cls, slip_target: float) -> None:
+        """Refuse what cannot be a slip target.
+
+        Parameters
+        ----------
+        slip_target : float
+            Slip.
+
+        Raises
+        ------
+        ValueError
+            If it is not within 0.01 to 0.9.
+        """
+        if not cls.LEAST_TARGET <= slip_target <= cls.MOST_TARGET:
+            raise ValueError(
+                f'slip target must be {cls.LEAST_TARGET} to {cls.MOST_TARGET}, got {slip_target}'
+            )
+
     def set_target(
         self, slip_target: float, source: TargetSource = TargetSource.PARAMETER
     ) -> None:
@@ -300,10 +319,7 @@ class SlipControl:
         ValueError
             If the target is out of range.
         """
-        if not self.LEAST_TARGET <= slip_target <= self.MOST_TARGET:
-            raise ValueError(
-                f'slip target must be {self.LEAST_TARGET} to {self.MOST_TARGET}, got {slip_target}'
-            )
+        self.check_target(slip_target)
         self.slip_target = slip_target
         if source is not self.target_source:
             self.target_source = source
