@@ -22,6 +22,8 @@ from typing import NamedTuple
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 os.environ.setdefault('OMP_NUM_THREADS', '1')
 
+import evaluate_estimation
+import field_data
 import numpy as np
 from matplotlib.figure import Figure
 from rich.console import Console
@@ -57,6 +59,7 @@ PI_GAINS = ((0.1, 0.2, 0.4, 0.8, 1.2, 1.6, 2.4), (0.4, 0.8, 1.6, 2.4, 3.2, 4.8, 
 QUICK_PI_GAINS = ((0.4, 1.2), (1.6, 3.2))
 SHORTLIST = 4
 TUNING_DRAWS = 128
+DRAWS = 2048
 
 QUANTILES = (0.05, 0.5, 0.95)
 
@@ -247,6 +250,12 @@ def table(headings, rows):
     return '\n'.join(lines + ['| ' + ' | '.join(row) + ' |' for row in rows])
 
 
+def verdict_table(verdict):
+    """Markdown table of targets."""
+    rows = [[t, found, limit, 'met' if met else '**missed**'] for t, found, limit, met in verdict]
+    return table(('target', 'found', 'limit', ''), rows)
+
+
 def tune_pi(workers, draws, gains):
     """Find the fixed PI gains of least slip error among those most often stable.
 
@@ -311,6 +320,8 @@ HEADINGS = (
     'RMSE before tau_max halves', 'peak 50 %', 'peak 95 %', 'work per energy',
     'estimate RMSE 50 %',
 )  # fmt: skip
+
+FIELD_HEADING = '## 5. Field data\n'
 
 COLOURS = ('#999999', '#E69F00', '#009E73', '#CC79A7', '#56B4E9', '#0072B2')
 
@@ -507,6 +518,62 @@ def worst_rows(result, draws, count=8):
     return ('RMSE', "estimate's", *drawn), rows
 
 
+def field_part(console):
+    """Section of the field data, and its targets; without the data it stays as it was."""
+    said = field_data.missing()
+    if said:
+        console.print(f'field data: section left as it was: {said}', soft_wrap=True)
+        written = (ROOT / 'docs' / 'control.md').read_text(encoding='utf-8')
+        _, _, section = written.partition(FIELD_HEADING)
+        return section.partition('\n## ')[0].strip(), []
+    values, verdict = evaluate_estimation.field_section(table)
+    values['checks'] = verdict_table(verdict)
+    return template('field', **values).strip(), verdict
+
+
+def time_steps(every):
+    """Times of a step of every controller and of estimation, and their targets."""
+    vehicle, soil = _nominal()
+    rows, times = [], {}
+    loads = vehicle.static_loads().tolist()
+    rims, torques = [2.4] * 4, [1000.0, 1000.0, 4000.0, 4000.0]
+    for controller in every:
+        acting = control(controller)
+
+        def step(acting=acting):
+            acting.step(
+                DT, [0.14, 0.16, 0.15, 0.15], [True] * 4, rims, 2.0, loads, torques, torques,
+                thrusts=loads,
+            )  # fmt: skip
+
+        times[controller.text] = evaluate_estimation.step_time(step)
+        rows.append([controller.text, f'{1e6 * times[controller.text]:.0f}'])
+    sees = SlipEstimation(vehicle, soil)
+    speeds = np.array(rims) / [wheel.radius for wheel in vehicle.wheels]
+    t = 0.0
+
+    def estimate():
+        nonlocal t
+        t += DT
+        sees.wheel_states(t, speeds, torques)
+        sees.radar(t, 2.0, 0.0025)
+
+    times['estimation'] = evaluate_estimation.step_time(estimate)
+    rows.append(['estimation, wheels and radar', f'{1e6 * times["estimation"]:.0f}'])
+    return rows, [
+        (
+            f'{what}: step of four wheels',
+            f'{1e6 * times[name]:.0f} us',
+            f'at most {1e6 * most:g} us',
+            times[name] <= most,
+        )
+        for what, name, most in (
+            ('LPV controller', 'LPV', evaluate_estimation.CONTROL_STEP),
+            ('estimation', 'estimation', evaluate_estimation.ESTIMATION_STEP),
+        )
+    ]
+
+
 def template(name, **values):
     """Text of a template beside this file, filled in."""
     text = Path(__file__).with_name(f'{name}.template.md').read_text(encoding='utf-8')
@@ -517,20 +584,20 @@ def main(arguments=None):
     """Run everything and write the report."""
     parser = argparse.ArgumentParser(description=__doc__.split('\n', 1)[0])
     parser.add_argument('--docs', type=Path, default=ROOT / 'docs', help='folder to write to')
-    parser.add_argument('--draws', type=int, default=2048, help='trials, a power of 2')
-    parser.add_argument('--tuning-draws', type=int, default=TUNING_DRAWS,
-                        help='trials that the fixed PI is tuned on, a power of 2')  # fmt: skip
+    parser.add_argument('--draws', type=int, help=f'trials, a power of 2 ({DRAWS})')
+    parser.add_argument('--tuning-draws', type=int, help='trials that the fixed PI is tuned on, '
+                        f'a power of 2 ({TUNING_DRAWS})')  # fmt: skip
     parser.add_argument('--seed', type=int, default=1, help='seed of the draws')
-    parser.add_argument(
-        '--quick', action='store_true', help='16 trials and four fixed PIs: a look'
-    )
+    parser.add_argument('--quick', action='store_true',
+                        help='a look: 16 trials, and four fixed PIs on 4')  # fmt: skip
     chosen = parser.parse_args(arguments)
-    if chosen.quick:
-        chosen.draws, chosen.tuning_draws = 16, 4
+    usual = (16, 4) if chosen.quick else (DRAWS, TUNING_DRAWS)
+    given = (chosen.draws, chosen.tuning_draws)
+    counts = [u if g is None else g for u, g in zip(usual, given, strict=True)]
     try:
-        draws = trial.draws(chosen.draws, chosen.seed)
+        draws = trial.draws(counts[0], chosen.seed)
         # Others than those that are judged.
-        tuning = trial.draws(chosen.tuning_draws, chosen.seed + 1)
+        tuning = trial.draws(counts[1], chosen.seed + 1)
     except ValueError as error:
         parser.error(str(error))
     pi_gains = QUICK_PI_GAINS if chosen.quick else PI_GAINS
@@ -570,7 +637,9 @@ def main(arguments=None):
         summary.add_row(*row)
     console.print(summary)
     verdict = checks(results)
-    for text, value, limit, met in verdict:
+    field_values, field_verdict = field_part(console)
+    step_rows, step_verdict = time_steps(every)
+    for text, value, limit, met in (*verdict, *field_verdict, *step_verdict):
         console.print(
             f'{"met   " if met else "MISSED"} {text}: {value} ({limit})', highlight=False
         )
@@ -596,10 +665,10 @@ def main(arguments=None):
         fixed_pi=gains_text(best, tuned),
         least_pi=gains_text(least, least_tuned),
         quarter=len(quarter),
-        checks=table(
-            ('target', 'found', 'limit', ''),
-            [[t, v, lim, 'met' if met else '**missed**'] for t, v, lim, met in verdict],
-        ),
+        checks=verdict_table(verdict),
+        field=field_values,
+        steps=table(('what', 'step, us'), step_rows),
+        step_checks=verdict_table(step_verdict),
         all=table(('controller', *HEADINGS), all_rows),
         speeds=table(
             (
@@ -629,7 +698,8 @@ def main(arguments=None):
     )
     (docs / 'control.md').write_text(text, encoding='utf-8')
     console.print(f'report   {docs / "control.md"}', soft_wrap=True)
-    return 0 if all(met for *_, met in verdict) else 2
+    met = [met for *_, met in (*verdict, *field_verdict, *step_verdict)]
+    return 0 if all(met) else 2
 
 
 if __name__ == '__main__':
