@@ -37,7 +37,7 @@ def test_trials_do_not_depend_on_who_drives_them(report):
     with evaluate.Workers(evaluate.Console(quiet=True)) as workers:
         there = workers.run('', [(controller, draws)])[controller]
     assert [each.figures for each in here] == [each.figures for each in there]
-    assert all((h.response == t.response).all() for h, t in zip(here, there, strict=True))
+    assert all((h.responses == t.responses).all() for h, t in zip(here, there, strict=True))
 
 
 def test_numbers_of_draws_that_cannot_be(capsys):

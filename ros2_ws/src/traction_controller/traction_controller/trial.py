@@ -8,8 +8,10 @@ tau_max. Draft is in proportion to speed, and where the soil does not pull
 enough, the path goes downhill, so that steady motion at the target has the drawn speed on both
 soils; when the front wheels come onto the weaker one, the draft changes to that.
 
-The answer to the step is the difference to a copy of the same drive, noise and all, whose target
-stays. So it shows what the step does, and not what noise does meanwhile.
+The answer to the step is the difference to a copy of the same drive, with the same noise, whose
+target stays. What noise does to both cancels, but not all of it: pulses are counted at other
+angles, and filters may decide otherwise. So the same draw is driven once more with sensors that
+have no noise, to tell how the loop answers from what noise adds.
 """
 
 import copy
@@ -181,12 +183,13 @@ class Figures:
     settling : float
         Time after the step from which on the mean slip of the wheels stays within 10 % of the
         step about its end, s; infinite where it does not.
-    settling_narrow : float
-        The same for 5 %, s.
     overshoot : float
         By how much the mean answer goes beyond the step, as a share of it, at least 0.
-    settling_worst, overshoot_worst : float
-        The same as `settling` (s) and `overshoot` (dimensionless) of the worst wheel.
+    settling_quiet, overshoot_quiet : float
+        The same with sensors without noise, s and dimensionless.
+    settling_narrow, settling_worst, overshoot_worst : float
+        As these two, without noise: settling within 5 %, s, and both of the worst wheel, s and
+        dimensionless.
     rmse : float
         Root mean square of slip less target, over all wheels, from `LAST` before the step on.
     rmse_before : float
@@ -203,8 +206,10 @@ class Figures:
 
     stable: bool
     settling: float
-    settling_narrow: float
     overshoot: float
+    settling_quiet: float
+    overshoot_quiet: float
+    settling_narrow: float
     settling_worst: float
     overshoot_worst: float
     rmse: float
@@ -230,6 +235,8 @@ class Trial:
         When the target rose, s.
     drop_time : float
         When the first wheels came onto the weaker soil, s.
+    quiet_answer : ndarray, shape (k, n)
+        What the step did to true slips with sensors without noise, see `answer`, dimensionless.
     figures : Figures
         What came of it.
     """
@@ -239,6 +246,7 @@ class Trial:
     unstepped: Drive
     step_time: float
     drop_time: float
+    quiet_answer: Array
     figures: Figures
 
 
@@ -353,50 +361,55 @@ def run_trial(
         max(-STEEPEST, -math.asin(min(1.0, (draft - each) / weight)))
         for draft, each in zip(drafts, (pull, weak_pull), strict=True)
     ]
-    plant = Plant(
-        own,
-        Terrain(firm, grades=downhill[0]),
-        drawbar=Drawbar(0.0, drafts[0] / draw.speed, RAMP),
-        torque_time_constant=draw.lag,
-        step_size=INTEGRATION,
-        v0=draw.speed,
-    )
-    sensors = Sensors(
-        draw.pulses_per_turn,
-        RadarModel(draw.radar_noise, latency=draw.radar_latency),
-        torque_noise=draw.torque_noise,
-    )
-    loop = ClosedLoop(plant, control(draw), estimation(draw), sensors, draw.seed)
-    assert loop.control is not None
-    loop.control.set_target(TARGET)
     # What a wheel gets that is not under control: what it would need.
     request = torque.tolist()
+    foremost, hindmost = float(own.wheel_positions.max()), float(own.wheel_positions.min())
 
     def until(loop: ClosedLoop, t: float) -> None:
         while loop.t < t - DT / 2:
             loop.step(request)
 
-    plant = loop.plant
-    foremost, hindmost = own.wheel_positions.max(), own.wheel_positions.min()
-    length = float(foremost - hindmost)
-    while plant.x < length and loop.t < LONGEST_START - SETTLE:
-        loop.step(request)
-    until(loop, max(FIRST_STEP, loop.t + SETTLE))
-    step_time = loop.t
-    other = copy.deepcopy(loop)
-    loop.control.set_target(TARGET + STEP)
-    for each in (loop, other):
-        until(each, step_time + STEP_WINDOW)
-    drop_time = loop.t
-    plant.terrain = Terrain([firm, weak], [plant.x + float(foremost)], downhill)
+    def step(sensors: Sensors) -> tuple[ClosedLoop, ClosedLoop, float]:
+        """Drive, with a step of the target and without, to the end of the step's window."""
+        plant = Plant(
+            own,
+            Terrain(firm, grades=downhill[0]),
+            drawbar=Drawbar(0.0, drafts[0] / draw.speed, RAMP),
+            torque_time_constant=draw.lag,
+            step_size=INTEGRATION,
+            v0=draw.speed,
+        )
+        acting = control(draw)
+        acting.set_target(TARGET)
+        loop = ClosedLoop(plant, acting, estimation(draw), sensors, draw.seed)
+        while plant.x < foremost - hindmost and loop.t < LONGEST_START - SETTLE:
+            loop.step(request)
+        until(loop, max(FIRST_STEP, loop.t + SETTLE))
+        stepped_at = loop.t
+        other = copy.deepcopy(loop)
+        acting.set_target(TARGET + STEP)
+        for each in (loop, other):
+            until(each, stepped_at + STEP_WINDOW)
+        return loop, other, stepped_at
+
+    quiet = RadarModel(0.0, latency=draw.radar_latency)
+    quiet_stepped, quiet_unstepped, quiet_time = step(Sensors(radar=quiet))
+    quiet_answer = answer(quiet_stepped.drive(), quiet_unstepped.drive(), quiet_time)
+
+    noisy = RadarModel(draw.radar_noise, latency=draw.radar_latency)
+    loop, other, step_time = step(
+        Sensors(draw.pulses_per_turn, noisy, torque_noise=draw.torque_noise)
+    )
+    plant, drop_time = loop.plant, loop.t
+    plant.terrain = Terrain([firm, weak], [plant.x + foremost], downhill)
     plant.drawbar = Drawbar(0.0, drafts[1] / draw.speed)
-    end = plant.x + length
+    end = plant.x + foremost - hindmost
     while plant.x < end and loop.t < drop_time + LONGEST_DROP:
         loop.step(request)
     until(loop, loop.t + DROP_WINDOW)
     stepped, unstepped = loop.drive(), other.drive()
-    figures = judge(stepped, unstepped, step_time, drop_time)
-    return Trial(draw, stepped, unstepped, step_time, drop_time, figures)
+    figures = judge(stepped, unstepped, step_time, drop_time, quiet_answer)
+    return Trial(draw, stepped, unstepped, step_time, drop_time, quiet_answer, figures)
 
 
 def answer(stepped: Drive, unstepped: Drive, step_time: float) -> Array:
@@ -440,7 +453,25 @@ def settling_time(response: Array, band: float) -> float:
     return math.inf if outside[-1] == len(response) - 1 else float(outside[-1] + 1) * DT
 
 
-def judge(stepped: Drive, unstepped: Drive, step_time: float, drop_time: float) -> Figures:
+def overshoot(response: Array) -> float:
+    """By how much an answer goes beyond the step.
+
+    Parameters
+    ----------
+    response : ndarray, shape (k,)
+        Answer to a step of `STEP`, dimensionless.
+
+    Returns
+    -------
+    float
+        As a share of the step, at least 0.
+    """
+    return max(0.0, float(response.max()) / STEP - 1.0)
+
+
+def judge(
+    stepped: Drive, unstepped: Drive, step_time: float, drop_time: float, quiet_answer: Array
+) -> Figures:
     """Find the figures of a trial.
 
     A drive is stable where all numbers are finite, no wheel runs away (its slip does not stay
@@ -456,6 +487,8 @@ def judge(stepped: Drive, unstepped: Drive, step_time: float, drop_time: float) 
         When the target rose, s.
     drop_time : float
         When the first wheels came onto the weaker soil, s.
+    quiet_answer : ndarray, shape (k, n)
+        See `Trial`, dimensionless.
 
     Returns
     -------
@@ -477,18 +510,20 @@ def judge(stepped: Drive, unstepped: Drive, step_time: float, drop_time: float) 
     span = round(LAST / DT)
     running = np.lib.stride_tricks.sliding_window_view(stepped.slip[judged], span, axis=0)
     runaway = bool(np.any(running.min(axis=-1) > RUNAWAY))
-    response = answer(stepped, unstepped, step_time)
-    mean = response.mean(axis=1)
+    mean = answer(stepped, unstepped, step_time).mean(axis=1)
+    quiet = quiet_answer.mean(axis=1)
     work, energy = stepped.efficiency(start - DT / 2)
     before = judged & (t < step_time - DT / 2)
-    wheels = range(response.shape[1])
+    wheels = range(quiet_answer.shape[1])
     return Figures(
         stable=finite and back and not runaway,
         settling=settling_time(mean, BANDS[0]),
-        settling_narrow=settling_time(mean, BANDS[1]),
-        overshoot=max(0.0, float(mean.max()) / STEP - 1.0),
-        settling_worst=max(settling_time(response[:, j], BANDS[0]) for j in wheels),
-        overshoot_worst=max(0.0, float(response.max()) / STEP - 1.0),
+        overshoot=overshoot(mean),
+        settling_quiet=settling_time(quiet, BANDS[0]),
+        overshoot_quiet=overshoot(quiet),
+        settling_narrow=settling_time(quiet, BANDS[1]),
+        settling_worst=max(settling_time(quiet_answer[:, j], BANDS[0]) for j in wheels),
+        overshoot_worst=max(overshoot(quiet_answer[:, j]) for j in wheels),
         rmse=float(np.sqrt(np.mean(error[judged] ** 2))),
         rmse_before=float(np.sqrt(np.mean(error[judged & (t < drop_time)] ** 2))),
         estimate_rmse=float(np.sqrt(np.mean((stepped.slip_estimate - stepped.slip)[judged] ** 2))),
