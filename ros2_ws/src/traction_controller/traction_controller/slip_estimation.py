@@ -8,11 +8,13 @@ the last second: what comes late or out of order is put in its place and all aft
 again, so that the estimate is the same as if it had come in time.
 """
 
+import copy
 import math
 from bisect import bisect_right
 from collections import deque
 from dataclasses import dataclass, fields
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -322,6 +324,18 @@ class SlipEstimation:
         self._ruts = Ruts(*parts[4:], ruts.newest)
         self._readings: deque[Reading] = deque()
         self._spare: list[Reading] = []
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> 'SlipEstimation':
+        # A plain copy would tear apart what lies in one array.
+        other = copy.copy(self)
+        memo[id(self)] = other
+        other._allot()
+        other._state[:] = self._state
+        other._ruts.newest[:] = self._ruts.newest
+        other._readings = copy.deepcopy(self._readings, memo)
+        for name in ('slip', 'slip_variance', 'valid', 'rim_speed'):
+            setattr(other, name, getattr(self, name).copy())
+        return other
 
     @property
     def n_wheels(self) -> int:
