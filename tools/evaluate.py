@@ -12,7 +12,7 @@ import os
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, field, replace
-from functools import cache
+from functools import cache, partial
 from itertools import pairwise
 from pathlib import Path
 from string import Template
@@ -125,7 +125,7 @@ def estimation(controller, pulses_per_turn):
     return None if controller.truth else SlipEstimation(vehicle, soil)
 
 
-def run_draws(controller, draws):
+def run_draws(controller, draws, quiet=True):
     """Drive trials."""
     vehicle, soil = _nominal()
     outcomes = []
@@ -136,6 +136,7 @@ def run_draws(controller, draws):
             soil,
             lambda draw: estimation(controller, draw.pulses_per_turn),
             lambda draw: control(controller),
+            quiet,
         )
         noisy = trial.answer(driven.stepped, driven.unstepped, driven.step_time).mean(axis=1)
         quiet = driven.quiet_answer.mean(axis=1)
@@ -164,7 +165,7 @@ class Workers:
     def __exit__(self, *_):
         self._pool.shutdown(cancel_futures=True)
 
-    def run(self, text, jobs):
+    def run(self, text, jobs, quiet=True):
         """Drive the trials of several controllers: outcomes of each, in the order of draws."""
         chunks = [
             (controller, draws[k : k + CHUNK])
@@ -175,7 +176,9 @@ class Workers:
         with Progress(console=self._console, transient=True) as progress:
             task = progress.add_task(text, total=sum(len(draws) for _, draws in chunks))
             for (controller, draws), outcomes in zip(
-                chunks, self._pool.map(run_draws, *zip(*chunks, strict=True)), strict=True
+                chunks,
+                self._pool.map(partial(run_draws, quiet=quiet), *zip(*chunks, strict=True)),
+                strict=True,
             ):
                 found[controller] += outcomes
                 progress.advance(task, len(draws))
@@ -271,13 +274,13 @@ def tune_pi(workers, draws, gains):
     def worth(result):
         return -result.stable, result.rmse
 
-    found = workers.run('tuning the fixed PI', [(each, few) for each in tried])
+    found = workers.run('tuning the fixed PI', [(each, few) for each in tried], False)
     first = {each: Result.of(outcomes, few) for each, outcomes in found.items()}
     # Those that may be the best, whether stability comes first or not.
     short = sorted(tried, key=lambda each: worth(first[each]))[:SHORTLIST]
     short += sorted(tried, key=lambda each: first[each].rmse)[:SHORTLIST]
     short = list(dict.fromkeys(short))
-    found = workers.run('tuning the fixed PI', [(each, draws) for each in short])
+    found = workers.run('tuning the fixed PI', [(each, draws) for each in short], False)
     results = {each: Result.of(outcomes, draws) for each, outcomes in found.items()}
     best = min(results, key=lambda each: worth(results[each]))
     least = min(results, key=lambda each: results[each].rmse)

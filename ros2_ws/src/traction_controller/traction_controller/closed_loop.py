@@ -26,7 +26,6 @@ from traction_model.terrain import soil_row
 
 Array = NDArray[np.float64]
 
-FILTER = True
 DT = 0.01
 """Sampling period of sensors and control, s: 100 Hz."""
 
@@ -222,7 +221,7 @@ class ClosedLoop:
         self._torque_noise = sensors.torque_noise * vehicle.static_loads() * radii
         n = plant.n_wheels
         self._tachometer = Tachometer(n, sensors.pulses_per_turn)
-        self._wheel_speeds = WheelSpeedFilter(sensors.pulses_per_turn if FILTER else 0)
+        self._wheel_speeds = WheelSpeedFilter(sensors.pulses_per_turn)
         self._radar = Radar(sensors.radar, seed)
         self._random = np.random.default_rng((seed, 1))
         self._radar_every = max(1, round(sensors.radar_period / DT))

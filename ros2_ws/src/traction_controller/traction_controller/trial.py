@@ -333,6 +333,7 @@ def run_trial(
     soil: Soil,
     estimation: Callable[[Draw], SlipEstimation | None],
     control: Callable[[Draw], SlipControl],
+    quiet: bool = True,
 ) -> Trial:
     """Drive one trial.
 
@@ -345,6 +346,8 @@ def run_trial(
     estimation, control : callable
         Make estimation and control, in hold, for a draw; they are to use nothing of it but
         what the maker of a vehicle knows, as the pulses of its tachometers.
+    quiet : bool
+        Whether it is driven once more without noise; otherwise what would come of that is NaN.
 
     Returns
     -------
@@ -392,9 +395,12 @@ def run_trial(
             until(each, stepped_at + STEP_WINDOW)
         return loop, other, stepped_at
 
-    quiet = RadarModel(0.0, latency=draw.radar_latency)
-    quiet_stepped, quiet_unstepped, quiet_time = step(Sensors(radar=quiet))
-    quiet_answer = answer(quiet_stepped.drive(), quiet_unstepped.drive(), quiet_time)
+    shape = round(STEP_WINDOW / DT), len(own.wheels)
+    quiet_answer = np.full(shape, math.nan)
+    if quiet:
+        radar = RadarModel(0.0, latency=draw.radar_latency)
+        quiet_stepped, quiet_unstepped, quiet_time = step(Sensors(radar=radar))
+        quiet_answer = answer(quiet_stepped.drive(), quiet_unstepped.drive(), quiet_time)
 
     noisy = RadarModel(draw.radar_noise, latency=draw.radar_latency)
     loop, other, step_time = step(
