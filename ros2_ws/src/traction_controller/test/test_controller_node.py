@@ -36,8 +36,13 @@ class Tractor:
     def request(self, effort, names=WHEELS):
         self.requests.publish(JointState(name=list(names), effort=[float(e) for e in effort]))
 
-    def send_slip(self, slips, valid=True, rim=2.0, names=WHEELS):
-        message = SlipEstimate(wheel_names=list(names))
+    def send_slip(
+        self, slips, valid=True, rim=2.0, names=WHEELS, source=SlipEstimate.SOURCE_BLENDED,
+        deviation=0.01,
+    ):  # fmt: skip
+        message = SlipEstimate(wheel_names=list(names), source=source)
+        message.slip_variance = [deviation**2] * len(names)
+        message.ground_based_speed = 0.95 * rim
         to_stamp(message.header.stamp, self.t)
         message.slip = [float(entry) for entry in slips]
         message.valid = [valid] * len(message.slip)
@@ -162,7 +167,7 @@ def test_slip_not_valid_or_too_slow_passes_the_request(tractor):
 
 def test_mode_switches_at_run_time_without_a_bump(tractor, field):
     tractor.ask(3000.0)
-    before, _ = tractor.run(100, 0.05, 3000.0)
+    before, _ = tractor.run(300, 0.05, 3000.0)
     assert field.set_parameter(NODE, 'mode', 'hold') == ''
     tractor.request([3000.0] * 4)
     # Slip 0.2 off its target by 0.15: in one step only the integral acts.
@@ -194,9 +199,11 @@ def test_target_by_topic_and_by_parameter(tractor, field):
 
 def test_stiffer_soil_changes_the_gains(tractor, field):
     terrain = field.publisher('terrain_estimate')
+    tractor.ask(1000.0)
     first = list(tractor.step(0.1)[1].slip_gain)
 
     def changed():
+        tractor.request([1000.0] * 4)
         terrain.publish(TerrainEstimate(wheel_names=WHEELS, slip_stiffness=[5e3] * 4))
         return list(tractor.step(0.1)[1].slip_gain) != first
 
