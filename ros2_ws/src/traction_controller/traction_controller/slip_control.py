@@ -207,6 +207,7 @@ class SlipControl:
     ) -> None:
         self._n = len(vehicle.wheels)
         self.vehicle = vehicle
+        self._names = vehicle.wheel_names
         self.hold_torque = self._each('hold_torque', hold_torque)
         self.torque_rate = self._each('torque_rate', torque_rate)
         for name, value in (('least_speed', least_speed), ('lag', lag), ('dt', dt)):
@@ -750,7 +751,7 @@ class SlipControl:
         """Say which wheels came under control, left it, or do without something else."""
         wheels: dict[str, list[str]] = {}
         for name, outcome, (reason, degraded) in zip(
-            self.vehicle.wheel_names, self.outcomes, before, strict=True
+            self._names, self.outcomes, before, strict=True
         ):
             if outcome.exit_reason is not reason:
                 wheels.setdefault(outcome.exit_reason.words, []).append(name)
