@@ -207,6 +207,7 @@ class SlipControl:
     ) -> None:
         self._n = len(vehicle.wheels)
         self.vehicle = vehicle
+        self._names = vehicle.wheel_names
         self.hold_torque = self._each('hold_torque', hold_torque)
         self.torque_rate = self._each('torque_rate', torque_rate)
         for name, value in (('least_speed', least_speed), ('lag', lag), ('dt', dt)):
@@ -496,6 +497,9 @@ class SlipControl:
                 group.reference = reference
                 sent = self._delivered(group, along, reference, shares, sent, dt)
                 wanted = law.torque(self._reading, target, sent, dt)
+                if group.short >= self._SHORT_LAGS * self._lag:
+                    # More would not be delivered either.
+                    wanted = min(wanted, sent)
                 gains = law.gains
                 group.released = 0.0
                 if not math.isfinite(wanted):
@@ -564,12 +568,16 @@ class SlipControl:
         wheels = group.wheels
         if len(wheels) == 1:
             return wheels[0], (1.0,)
-        asked = () if requests is None or along == 0.0 else [j for j in wheels if requests[j]]
-        # The one that carries most, of those that are to pull: it has most to say.
-        reference = max(asked or wheels, key=self._loads.__getitem__)
-        if not asked:
-            return reference, [1.0] * len(wheels)
-        assert requests is not None
+        largest = 0.0
+        if requests is not None and along != 0.0:
+            largest = max(abs(requests[j]) for j in wheels)
+        if requests is None or largest == 0.0:
+            return max(wheels, key=self._loads.__getitem__), [1.0] * len(wheels)
+        # Of those that are asked for much, the one that was it, or the one that carries most.
+        asked = [j for j in wheels if abs(requests[j]) >= 0.5 * largest]
+        reference = group.reference
+        if reference not in asked:
+            reference = max(asked, key=self._loads.__getitem__)
         return reference, [requests[j] / requests[reference] for j in wheels]
 
     def _most(
@@ -743,7 +751,7 @@ class SlipControl:
         """Say which wheels came under control, left it, or do without something else."""
         wheels: dict[str, list[str]] = {}
         for name, outcome, (reason, degraded) in zip(
-            self.vehicle.wheel_names, self.outcomes, before, strict=True
+            self._names, self.outcomes, before, strict=True
         ):
             if outcome.exit_reason is not reason:
                 wheels.setdefault(outcome.exit_reason.words, []).append(name)
