@@ -139,8 +139,9 @@ def run_draws(controller, draws, quiet=True):
             quiet,
         )
         noisy = trial.answer(driven.stepped, driven.unstepped, driven.step_time).mean(axis=1)
-        quiet = driven.quiet_answer.mean(axis=1)
-        outcomes.append(Outcome(driven.figures, np.array([noisy, quiet])))
+        outcomes.append(
+            Outcome(driven.figures, np.array([noisy, driven.quiet_answer.mean(axis=1)]))
+        )
     return outcomes
 
 
