@@ -28,10 +28,16 @@ def followed(omega, pulses):
 @pytest.mark.parametrize('speed', [0.7, 3.217, -5.0])
 def test_even_turning_is_found_to_a_tenth_of_a_pulse(pulses, speed):
     # A count alone is off by up to a pulse in 10 ms, 3.1 rad/s at 200; a tenth of that is left.
-    found, deviation, true = followed(np.full(500, speed), pulses)
+    found, _, true = followed(np.full(500, speed), pulses)
     error = (found - true)[200:]
     assert np.sqrt(np.mean(error**2)) < 0.1 * 2 * math.pi / pulses / DT
-    assert np.mean(np.abs(error) <= 2 * deviation[200:]) > 0.9
+
+
+@pytest.mark.parametrize('pulses', [200, 1000, 4000])
+def test_deviation_is_honest_while_speed_changes_as_on_soil(pulses):
+    t = DT * np.arange(2000.0)
+    found, deviation, true = followed(3.0 + 0.3 * np.sin(1.3 * t) + 0.1 * np.sin(5.1 * t), pulses)
+    assert 0.9 < np.mean(np.abs(found - true) <= 2 * deviation)
 
 
 def test_steady_acceleration_has_no_lasting_error():
