@@ -38,6 +38,8 @@ from traction_controller.slip_filter import (
     SINKAGE,
     SINKAGE_SLOPE,
     SPEED,
+    START_DOUBT,
+    START_LENGTH,
     SURPRISE,
     TIME,
     TRAVELLED,
@@ -99,15 +101,15 @@ class EstimatorNoise:
         Random walk of the wheel speed, for a tachometer that counts pulses, rad/s per sqrt(s).
     """
 
-    acceleration: float = 0.28
-    speed: float = 0.05
+    acceleration: float = 0.22
+    speed: float = 0.03
     soil: float = 0.01
     strength: float = 0.15
     shear_modulus: float = 0.6
     sinkage_modulus: float = 0.9
     nominal: float = 0.1
-    thrust: float = 0.04
-    slip: float = 0.04
+    thrust: float = 0.03
+    slip: float = 0.03
     wheel_speed: float = 0.02
     wheel_acceleration: float = 0.2
 
@@ -208,11 +210,9 @@ class SlipEstimation:
     # Weight of the newest speed in the mean innovation, and how large that mean may grow, in
     # standard deviations of one innovation (a third of which is its own).
     _SURPRISE_SHARE = 0.2
-    _SURPRISE_LIMIT = 1.3
+    _SURPRISE_LIMIT = 2.0
     # Ground speed is valid up to this standard deviation, m/s.
     _LARGEST_DEVIATION = 0.5
-    # Shortest time from reading to reading that history is made for, s.
-    _SHORTEST_PERIOD = 0.002
 
     # Of the sensors of speed: time of the newest, since when one is not believed, mean surprise.
     _SPEED_T, _DISBELIEVED, _SPEED_SURPRISE = range(SCALARS, SCALARS + 3)
@@ -226,7 +226,7 @@ class SlipEstimation:
         radar_timeout: float = 0.5,
         radar_variance: float = 0.0025,
         *,
-        method: str = 'ekf',
+        method: str = 'ukf',
         tachometer_pulses: float = 0.0,
         radar_latency: float = 0.0,
         gnss_latency: float = 0.0,
@@ -298,6 +298,8 @@ class SlipEstimation:
             strengths.append(soil.max_shear_stress(load / (wheel.width * length)))
         self._strengths = np.array(strengths)
         self._shear_modulus = float(soil.shear_deformation_modulus)
+        # Until contact is quasi-static, see `traction_controller.slip_filter`.
+        self._settling = 2 * START_LENGTH * math.log(START_DOUBT) * float(self._wheels[:, 0].max())
         # What holds the vehicle back is at first unknown by 0.3 of its weight.
         self._unknown_drawbar = 0.3 * float(loads.sum())
 
@@ -692,8 +694,9 @@ class SlipEstimation:
             self._doubt()
         else:
             expected = math.sqrt(self.v_variance + variance)
-            scalars[self._SPEED_SURPRISE] *= 1.0 - self._SURPRISE_SHARE
-            scalars[self._SPEED_SURPRISE] += self._SURPRISE_SHARE * (v - self.v) / expected
+            if scalars[TRAVELLED] > self._settling:
+                surprise = (v - self.v) / expected - scalars[self._SPEED_SURPRISE]
+                scalars[self._SPEED_SURPRISE] += self._SURPRISE_SHARE * surprise
             if abs(scalars[self._SPEED_SURPRISE]) > self._SURPRISE_LIMIT:
                 # Several readings on the same side: the soil or the drawbar has changed.
                 self._doubt()
