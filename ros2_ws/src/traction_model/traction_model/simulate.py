@@ -694,9 +694,10 @@ class Plant:
     def shear_deformation_modulus(self) -> list[float]:
         """K of the soil under every wheel, m, n entries."""
         return [
-            self._terrain.soils[soil_row(self.x + x, self._terrain.starts)]
-            .shear_deformation_modulus
-            for x in self.vehicle.wheel_positions
+            self._terrain.soil(
+                soil_row(self.x + x, self._terrain.starts), track
+            ).shear_deformation_modulus
+            for x, track in zip(self.vehicle.wheel_positions, self.vehicle.tracks, strict=True)
         ]
 
     @property
