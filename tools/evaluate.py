@@ -166,6 +166,16 @@ class Workers:
     def __exit__(self, *_):
         self._pool.shutdown(cancel_futures=True)
 
+    def map(self, text, function, work):
+        """Values of a function for many sets of arguments, in their order."""
+        found = []
+        with Progress(console=self._console, transient=True) as progress:
+            task = progress.add_task(text, total=len(work))
+            for value in self._pool.map(function, *zip(*work, strict=True)):
+                found.append(value)
+                progress.advance(task)
+        return found
+
     def run(self, text, jobs, quiet=True):
         """Drive the trials of several controllers: outcomes of each, in the order of draws."""
         chunks = [
@@ -325,7 +335,7 @@ HEADINGS = (
     'estimate RMSE 50 %',
 )  # fmt: skip
 
-FIELD_HEADING = '## 5. Field data\n'
+FIELD_HEADING = '## 6. Field data\n'
 
 COLOURS = ('#999999', '#E69F00', '#009E73', '#CC79A7', '#56B4E9', '#0072B2')
 
@@ -627,6 +637,9 @@ def main(arguments=None):
         found = workers.run(
             'trials', [*((each, draws) for each in every), (seeing, quarter)]
         )  # fmt: skip
+        bag_values, bag_verdict = evaluate_estimation.bags_section(
+            table, workers.map, chosen.quick
+        )
     results = {each.text: Result.of(found[each], draws) for each in every}
     perfect = Result.of(found[seeing], quarter)
 
@@ -650,7 +663,7 @@ def main(arguments=None):
     verdict = checks(results)
     field_values, field_verdict = field_part(console)
     step_rows, step_verdict = time_steps(every)
-    for text, value, limit, met in (*verdict, *field_verdict, *step_verdict):
+    for text, value, limit, met in (*verdict, *bag_verdict, *field_verdict, *step_verdict):
         console.print(
             f'{"met   " if met else "MISSED"} {text}: {value} ({limit})', highlight=False
         )
@@ -678,6 +691,8 @@ def main(arguments=None):
         quarter=len(quarter),
         checks=verdict_table(verdict),
         field=field_values,
+        bag_checks=verdict_table(bag_verdict),
+        **bag_values,
         steps=table(('what', 'step, us'), step_rows),
         step_checks=verdict_table(step_verdict),
         all=table(('controller', *HEADINGS), all_rows),
@@ -709,7 +724,7 @@ def main(arguments=None):
     )
     (docs / 'control.md').write_text(text, encoding='utf-8')
     console.print(f'report   {docs / "control.md"}', soft_wrap=True)
-    met = [met for *_, met in (*verdict, *field_verdict, *step_verdict)]
+    met = [met for *_, met in (*verdict, *bag_verdict, *field_verdict, *step_verdict)]
     return 0 if all(met) else 2
 
 

@@ -1,11 +1,40 @@
-"""What `make evaluate` says of estimation: field data, and the time that steps take."""
+"""What `make evaluate` says of estimation: bags, changes of soil, field data, time of a step."""
 
 import time
+from pathlib import Path
+from typing import NamedTuple
 
 import field_data
 import numpy as np
+from make_bags import RADAR_SIGMA, SEEDS
+
+from traction_bringup.replay import replay
+from traction_controller.slip_estimation import SlipEstimation
+from traction_model.chrono import CHRONO_RUNS, SAMPLE_TIME, read_chrono
+from traction_model.contact import Form, equilibrium_sinkage
+from traction_model.soil import load_soil
+from traction_model.vehicle import load_vehicle
+
+BAGS = Path(__file__).resolve().parents[1] / 'bags'
+
+METHODS = ('ekf', 'ukf', 'lpv')
+# The other two spin at up to 56 m/s.
+TRACTOR_SPEED = (
+    'wheel_drawbar', 'wheel_torque_sine', 'wheel_soft_patch', 'tractor_sandy_loam',
+    'tractor_soft_patch',
+)  # fmt: skip
+SOFT_PATCH = ('wheel_soft_patch', 'tractor_soft_patch')
+RENOISED = range(100, 104)
+GAP = 5.0
+# Of wheels and radar in the bags.
+WHEELS_EVERY, RADAR_EVERY = 2, 20
 
 # Targets.
+SLIP_RMSE = 0.01
+WITHIN = (0.90, 0.99)
+GAP_COSTS = 0.03
+STRENGTH_WITHIN = 0.15
+STRENGTH_BY = 3.0
 RADIUS_WITHIN = 0.01
 FOUND_BY = 40.0
 SLIP_BIAS = 0.01
@@ -13,6 +42,188 @@ WORKING_SLIP, WORKING_WITHIN = 0.083, 0.01
 FREE_SLIP = 0.015
 CONTROL_STEP = 100e-6
 ESTIMATION_STEP = 300e-6
+
+
+class BagErrors(NamedTuple):
+    """How far a method is off on one bag.
+
+    Attributes
+    ----------
+    rmse : float
+        Of slip over all wheels, with the bag's own noise of the radar.
+    worst_rmse : float
+        The largest of that and of those with other noise.
+    within : tuple of float
+        Share of errors within two reported standard deviations over all noises and wheels, and
+        that of the wheel and noise with the fewest.
+    gap_costs : float
+        What a radar gap of `GAP` s adds to the RMSE in the gap and 2 s after it.
+    """
+
+    rmse: float
+    worst_rmse: float
+    within: tuple[float, float]
+    gap_costs: float
+
+
+def bag_errors(name, method):
+    """Errors of a method on a bag; see `BagErrors`."""
+    path = BAGS / name
+    runs = [replay(path, method=method)]
+    runs += [replay(path, method=method, radar_seed=seed) for seed in RENOISED]
+    rmse = [run.total_slip_rmse for run in runs]
+    within = np.array([run.within_two_sigma for run in runs])
+    end = float(read_chrono(path / f'{name}.csv.xz', CHRONO_RUNS[name]).t[-1])
+    # In the middle: what came before is known, and there is time for it to come back.
+    begin = (end - GAP) / 2
+    window = {'settle': begin, 'until': begin + GAP + 2.0, 'method': method}
+    silent = replay(path, radar_gap=(begin, begin + GAP), **window)
+    heard = replay(path, **window)
+    return BagErrors(
+        rmse[0],
+        max(rmse),
+        (float(within.mean()), float(within.min())),
+        silent.total_slip_rmse - heard.total_slip_rmse,
+    )
+
+
+def soil_change(name, method, seed):
+    """Error of tau_max under the driven wheels after the last one came onto the patch.
+
+    Returns
+    -------
+    t : ndarray
+        Time since then, s.
+    error : ndarray, shape (k, n)
+        Estimated over true tau_max less 1, true being that of the patch under the static load
+        on the nominal contact area, as the estimate is defined.
+    """
+    run = CHRONO_RUNS[name]
+    recording = read_chrono(BAGS / name / f'{name}.csv.xz', run)
+    vehicle = load_vehicle(run.vehicle)
+    nominal, soft = (load_soil(soil) for soil in run.soils)
+    truth = []
+    for wheel, load in zip(vehicle.wheels, vehicle.static_loads(), strict=True):
+        packed = nominal.packed(wheel)
+        z = equilibrium_sinkage(
+            int(Form.CONTACT), 0.0, 0.0, load, packed, wheel.radius, wheel.width
+        )
+        area = wheel.width * wheel.radius * np.arccos(1 - z / wheel.radius)
+        truth.append(soft.max_shear_stress(load / area))
+    noise = np.random.default_rng(seed).normal(0.0, RADAR_SIGMA, len(recording.t))
+    sees = SlipEstimation(vehicle, nominal, method=method)
+    found = []
+    rows = range(0, len(recording.t), WHEELS_EVERY)
+    for k in rows:
+        t = float(recording.t[k])
+        sees.wheel_states(t, recording.omega[k], recording.torque[k])
+        if k % RADAR_EVERY == 0:
+            sees.radar(t, float(recording.v[k] + noise[k]), RADAR_SIGMA**2)
+        found.append(sees.max_shear_stress.copy())
+    # The hindmost wheel is the last to come there.
+    entered = recording.x + vehicle.wheel_positions.min() >= run.starts[0]
+    last = float(recording.t[np.argmax(entered)])
+    since = recording.t[::WHEELS_EVERY] - last
+    return since, np.array(found) / np.array(truth) - 1
+
+
+def bags_section(table, run, quick=False):
+    """Tables of the bags and of the changes of soil, and targets as in `field_section`.
+
+    `run` maps a function over arguments, on whatever there is; a quick look leaves methods out.
+    """
+    methods = METHODS[:1] if quick else METHODS
+    work = [(name, method) for name in SEEDS for method in methods]
+    found = dict(zip(work, run('bags', bag_errors, work), strict=True))
+    rows = []
+    for name in SEEDS:
+        for method in methods:
+            errors = found[name, method]
+            rows.append(
+                [
+                    name,
+                    method,
+                    f'{errors.rmse:.4f}',
+                    f'{errors.worst_rmse:.4f}',
+                    f'{100 * errors.within[0]:.1f}',
+                    f'{100 * errors.within[1]:.1f}',
+                    f'{errors.gap_costs:+.4f}',
+                ]
+            )
+    noises = [(name, seed) for name in SOFT_PATCH for seed in (SEEDS[name], *RENOISED)]
+    work = [(name, method, seed) for name, seed in noises for method in methods]
+    changes = dict(zip(work, run('changes of soil', soil_change, work), strict=True))
+    change_rows, strengths = [], {}
+    for name in SOFT_PATCH:
+        for method in methods:
+            cells = []
+            for seed in (SEEDS[name], *RENOISED):
+                since, error = changes[name, method, seed]
+                late = np.abs(error[since >= STRENGTH_BY]).max(axis=1)
+                at = np.abs(error[np.argmax(since >= STRENGTH_BY)]).max()
+                outside = np.flatnonzero(np.abs(error).max(axis=1) > STRENGTH_WITHIN)
+                known = since[outside[-1] + 1] if outside[-1] + 1 < len(since) else np.inf
+                cells.append((at, float(np.quantile(late, 0.95)), known))
+            at, later, known = np.array(cells).T
+            strengths[name, method] = float(at.max())
+            change_rows.append(
+                [
+                    name,
+                    method,
+                    f'{100 * at[0]:.1f}',
+                    f'{100 * at.max():.1f}',
+                    f'{100 * later.max():.1f}',
+                    ', '.join(f'{each:.1f}' for each in known),
+                ]
+            )
+    best = min(methods, key=lambda m: max(found[name, m].rmse for name in TRACTOR_SPEED))
+    chosen = {name: found[name, best] for name in TRACTOR_SPEED}
+    worst = max(chosen, key=lambda name: chosen[name].rmse)
+    shares = [share for each in chosen.values() for share in each.within[:1]]
+    gap = max(each.gap_costs for each in chosen.values())
+    strength = max(strengths[name, best] for name in SOFT_PATCH)
+    verdict = [
+        (
+            f'slip RMSE of the best ({best}) on tractor-speed runs, at most ({worst})',
+            f'{chosen[worst].rmse:.4f}',
+            f'at most {SLIP_RMSE:g}',
+            chosen[worst].rmse <= SLIP_RMSE,
+        ),
+        (
+            f'errors inside 2 sigma ({best}, tractor-speed runs)',
+            f'{100 * min(shares):.1f} to {100 * max(shares):.1f} %',
+            f'{100 * WITHIN[0]:g} to {100 * WITHIN[1]:g} %',
+            WITHIN[0] <= min(shares) and max(shares) <= WITHIN[1],
+        ),
+        (
+            f'a {GAP:g} s radar gap costs ({best}, tractor-speed runs)',
+            f'{gap:+.4f}',
+            f'at most {GAP_COSTS:g}',
+            gap <= GAP_COSTS,
+        ),
+        (
+            f'tau_max off truth {STRENGTH_BY:g} s after the last wheel entered the patch ({best})',
+            f'{100 * strength:.1f} %',
+            f'at most {100 * STRENGTH_WITHIN:g} %',
+            strength <= STRENGTH_WITHIN,
+        ),
+    ]
+    values = {
+        'bags': table(
+            ('run', 'method', 'slip RMSE', 'worst noise', 'inside 2σ, %', 'least, %', 'gap costs'),
+            rows,
+        ),
+        'changes': table(
+            ('run', 'method', f'off after {STRENGTH_BY:g} s, %', 'worst noise', 'later, 95 %',
+             f'within {100 * STRENGTH_WITHIN:g} % from, s'),
+            change_rows,
+        ),
+        'noises': str(len(RENOISED)),
+        'gap': f'{GAP:g}',
+        'sigma': f'{RADAR_SIGMA:g}',
+        'radar_rate': f'{1 / (RADAR_EVERY * SAMPLE_TIME):g}',
+    }  # fmt: skip
+    return values, verdict
 
 
 def field_section(table):
