@@ -335,6 +335,11 @@ HEADINGS = (
     'estimate RMSE 50 %',
 )  # fmt: skip
 
+PART_HEADINGS = (
+    'stable, %', 'settling without noise less lag, 95 %, s', 'overshoot without noise 95 %, %',
+    'slip RMSE', 'estimate RMSE 50 %',
+)  # fmt: skip
+
 FIELD_HEADING = '## 6. Field data\n'
 
 COLOURS = ('#999999', '#E69F00', '#009E73', '#CC79A7', '#56B4E9', '#0072B2')
@@ -503,18 +508,18 @@ def draw_scenarios(drives, shown, path):
     figure.savefig(path, dpi=80)
 
 
-def speed_rows(results, draws):
-    """Rows of all controllers in four ranges of the drawn speed."""
-    speeds = np.array([draw.speed for draw in draws])
-    ends = np.linspace(*trial.DISTRIBUTIONS['speed'].uniform, 5)
+def part_rows(results, values, ends, digits):
+    """Rows of all controllers in ranges of something drawn."""
     rows = []
     for name, result in results.items():
         for low, high in pairwise(ends):
-            part = result.part((speeds >= low) & (speeds < high))
+            part = result.part((values >= low) & (values < high))
+            if not len(part.lags):
+                continue
             rows.append(
                 [
                     name,
-                    f'{low:.1f} to {high:.1f}',
+                    f'{low:.{digits}f} to {high:.{digits}f}',
                     f'{100 * part.stable:.1f}',
                     seconds(part.settling_beyond_lag('settling_quiet')),
                     f'{100 * quantile(part.columns["overshoot_quiet"], 0.95):.0f}',
@@ -668,6 +673,12 @@ def main(arguments=None):
             f'{"met   " if met else "MISSED"} {text}: {value} ({limit})', highlight=False
         )
 
+    speeds = np.array([draw.speed for draw in draws])
+    ends = np.linspace(*trial.DISTRIBUTIONS['speed'].uniform, 5)
+    speed_rows = part_rows(results, speeds, ends, 1)
+    pulses = np.array([draw.pulses_per_turn for draw in draws])
+    ends = np.geomspace(*trial.DISTRIBUTIONS['pulses_per_turn'].log_uniform, 5)
+    pulse_rows = part_rows({'LPV': results['LPV']}, pulses, ends, 0)
     worst_headings, worst = worst_rows(results['LPV'], draws)
     text = template(
         'control',
@@ -696,18 +707,8 @@ def main(arguments=None):
         steps=table(('what', 'step, us'), step_rows),
         step_checks=verdict_table(step_verdict),
         all=table(('controller', *HEADINGS), all_rows),
-        speeds=table(
-            (
-                'controller',
-                'speed, m/s',
-                'stable, %',
-                'settling without noise less lag, 95 %, s',
-                'overshoot 95 %, %',
-                'slip RMSE',
-                'estimate RMSE 50 %',
-            ),
-            speed_rows(results, draws),
-        ),
+        speeds=table(('controller', 'speed, m/s', *PART_HEADINGS), speed_rows),
+        pulses=table(('controller', 'pulses a turn', *PART_HEADINGS), pulse_rows),
         worst=table(worst_headings, worst),
         scenarios=table(
             (
