@@ -9,7 +9,7 @@ slope and the variance that a straight line leaves over:
   columns of the covariance's Cholesky factor. Mean, slope and rest are those of the line that
   fits the values best (statistical linear regression), which is the unscented transform of the
   entries concerned with ``lambda = 0``;
-- ``LPV``: the mean alone, as gains come from a table.
+- ``LPV``: the derivative, too; the covariance comes from a table.
 
 Every update is in the Joseph form, which keeps the covariance symmetric and positive whatever
 the gain.
@@ -40,7 +40,7 @@ class Method(IntEnum):
     UKF
         Unscented: regression over points as far out as the state is unknown.
     LPV
-        Gains scheduled, computed beforehand.
+        Covariance scheduled, computed beforehand, and with it the gains.
     """
 
     EKF = 0
@@ -48,7 +48,7 @@ class Method(IntEnum):
     LPV = 2
 
 
-_EKF, _UKF, _LPV = (int(method) for method in Method)
+_UKF = int(Method.UKF)
 
 
 def method_named(name: str) -> Method:
@@ -208,14 +208,12 @@ def spread(method, x, p, entries, steps, root, points):
     Returns
     -------
     int
-        Number of points: 1 for `LPV`, 1 + k for `EKF`, 1 + 2k for `UKF`.
+        Number of points: 1 + 2k for `UKF`, else 1 + k.
     """
     k = entries.size
     for a in range(k):
         points[0, a] = x[entries[a]]
-    if method == _LPV:
-        return 1
-    if method == _EKF:
+    if method != _UKF:
         for a in range(k):
             points[1 + a, :] = points[0, :]
             points[1 + a, a] += steps[a]
@@ -254,7 +252,7 @@ def line_through(method, values, steps, root, slope):
     root : ndarray, shape (k, k)
         As `spread` left it.
     slope : ndarray, shape (k,)
-        Out: function per entry, in their units; 0 for `LPV`.
+        Out: function per entry, in their units.
 
     Returns
     -------
@@ -262,10 +260,7 @@ def line_through(method, values, steps, root, slope):
         Expected value, in the function's unit, and variance about the line, in its square.
     """
     k = slope.size
-    if method == _LPV:
-        slope[:] = 0.0
-        return values[0], 0.0
-    if method == _EKF:
+    if method != _UKF:
         for a in range(k):
             slope[a] = (values[1 + a] - values[0]) / steps[a]
         return values[0], 0.0

@@ -19,7 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from traction_controller.kalman import forget, method_named
+from traction_controller.kalman import Method, forget, method_named
+from traction_controller.scheduled_covariance import ScheduledCovariance
 from traction_controller.slip_filter import (
     ACCELERATION,
     BY_STRENGTH,
@@ -104,7 +105,7 @@ class EstimatorNoise:
     acceleration: float = 0.22
     speed: float = 0.03
     soil: float = 0.01
-    strength: float = 0.15
+    strength: float = 0.18
     shear_modulus: float = 0.6
     sinkage_modulus: float = 0.9
     nominal: float = 0.1
@@ -120,9 +121,9 @@ class EstimatorNoise:
                 raise ValueError(f'noise {field.name} must be above 0, got {value}')
 
 
-# Soil that bears less is also weaker: correlation of strength and sinkage modulus from soil to
-# soil.
-STRENGTH_WITH_SINKAGE = 0.4
+# Correlation of the logarithms of strength, shear deformation modulus and sinkage modulus from
+# soil to soil: what bears less is weaker, and gives way further until its strength is mobilised.
+CORRELATION = np.array([[1.0, -0.4, 0.5], [-0.4, 1.0, -0.7], [0.5, -0.7, 1.0]])
 # Up to which standard deviation of its logarithm a wheel's tau_max counts as known.
 STRENGTH_KNOWN = 0.15
 # Share of the sinkage that the quasi-static model leaves open, one standard deviation.
@@ -263,9 +264,7 @@ class SlipEstimation:
         loads = vehicle.static_loads()
         cg_x, cg_height = vehicle.centre_of_gravity
         deviations = np.array([noise.strength, noise.shear_modulus, noise.sinkage_modulus])
-        correlation = np.eye(PER_WHEEL)
-        correlation[0, 2] = correlation[2, 0] = STRENGTH_WITH_SINKAGE
-        changed = correlation * np.outer(deviations, deviations)
+        changed = CORRELATION * np.outer(deviations, deviations)
         self._body = Body(
             wheels=self._wheels,
             soils=np.array([soil.packed(wheel) for wheel in vehicle.wheels]),
@@ -304,7 +303,12 @@ class SlipEstimation:
         self._unknown_drawbar = 0.3 * float(loads.sum())
 
         self._allot()
+        self._schedule: ScheduledCovariance | None = None
         self.reset()
+        if self._method == Method.LPV:
+            self._schedule = ScheduledCovariance(
+                self._body, self._noise, self.radar_variance, self._unknown_drawbar, noise.nominal
+            )
 
     def _allot(self) -> None:
         """Put all that changes into one array, so that it is kept and restored at once."""
@@ -354,7 +358,7 @@ class SlipEstimation:
         self._p[SPEED, SPEED] = 1.0
         self._p[DRAWBAR, DRAWBAR] = self._unknown_drawbar**2
         for j in range(n):
-            doubt_soil(self._x, self._p, j, self._body.changed * self.noise.nominal**2)
+            doubt_soil(self._x, self._p, j, self._body.changed * self.noise.nominal**2, False)
         self._memory[:, HELD_UNTIL] = -1.0
         self._scalars[CHANGED] = -math.inf
         self._scalars[self._SPEED_T] = -math.inf
@@ -651,6 +655,8 @@ class SlipEstimation:
                 self._scalars, self._body, self._noise,
             )  # fmt: skip
         elif reading.t > self._scalars[TIME]:
+            if self._schedule is not None:
+                self._load_covariance()
             take_in_wheels(
                 self._method, reading.t, reading.omega, reading.torque, self._x, self._p,
                 self._memory, self._scalars, self._ruts, self._body, self._noise,
@@ -658,6 +664,18 @@ class SlipEstimation:
         rims = self._wheels[:, 0] * self._memory[:, OMEGA]
         if np.max(np.abs(rims)) < self.least_speed:
             self._stand_still(float(rims[np.argmin(np.abs(rims))]))
+
+    def _load_covariance(self) -> None:
+        """Take the covariance that belongs to the present speed, slip and silence."""
+        scalars = self._scalars
+        t = scalars[TIME]
+        rims = self._wheels[:, 0] * self._memory[:, OMEGA]
+        mean = float(np.mean([abs(slip(self.v, rim)) for rim in rims]))
+        # A start is as long ago as any other change at least, and leaves the same unknown.
+        if abs(self.v) > self.least_speed and scalars[TRAVELLED] > self._settling / 2:
+            self._schedule.look_up(
+                abs(self.v), mean, t - scalars[self._SPEED_T], t - scalars[CHANGED], self._p
+            )
 
     def _stand_still(self, rim: float) -> None:
         """All wheels (nearly) stand: so does the vehicle, unless a sensor says otherwise."""
@@ -708,7 +726,7 @@ class SlipEstimation:
     def _doubt(self) -> None:
         """Start from the nominal soil anew, and keep the drawbar, but trust it little."""
         for j in range(self.n_wheels):
-            doubt_soil(self._x, self._p, j, self._body.changed)
+            doubt_soil(self._x, self._p, j, self._body.changed, False)
         forget(self._p, DRAWBAR, self._unknown_drawbar**2)
         self._p[SPEED, SPEED] += self.noise.speed**2
         self._scalars[self._SPEED_SURPRISE] = 0.0

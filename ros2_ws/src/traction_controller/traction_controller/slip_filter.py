@@ -121,6 +121,10 @@ TRANSFER_FILTER = 0.1
 # larger deviations are at first, and over what share of the radius that fades.
 START_DOUBT, START_LENGTH = 100.0, 0.6
 CHANGE_DOUBT, CHANGE_LENGTH = 3.0, 0.4
+# On soil that is not the nominal one the model errs more: how much more.
+OFF_NOMINAL = 1.0
+# A second change within so many radii belongs to the first: what was learnt is kept.
+AGAIN = 5.0
 # Mean surprise of a wheel: weight of the newest, the moment's and slip's own deviations
 # (errors last for several readings: these are those of one reading), how much of it shows that
 # the soil has changed, and from which on the wheel is trusted less.
@@ -135,7 +139,7 @@ LEAST_LOAD, MOST_DRAWBAR = 0.2, 0.5
 
 
 @kernel
-def doubt_soil(x, p, wheel, changed):
+def doubt_soil(x, p, wheel, changed, keep):
     """Take a wheel to stand on soil of which only the nominal one is known, in place.
 
     Parameters
@@ -148,10 +152,13 @@ def doubt_soil(x, p, wheel, changed):
         Number of the wheel, from 0.
     changed : ndarray, shape (3, 3)
         Covariance of the factors, dimensionless.
+    keep : bool
+        Whether the estimated factors stay, only that they are not trusted.
     """
     first = FIRST_WHEEL + PER_WHEEL * wheel
     for a in range(PER_WHEEL):
-        x[first + a] = 0.0
+        if not keep:
+            x[first + a] = 0.0
         forget(p, first + a, 0.0)
     for a in range(PER_WHEEL):
         for b in range(PER_WHEEL):
@@ -419,6 +426,7 @@ def take_in_moments(method, x, p, memory, scalars, ruts, body, noise):
         unsettled = 1.0 + START_DOUBT * math.exp(-travelled / (START_LENGTH * radius))
         past = travelled - kept[HELD_UNTIL]
         changing = 1.0 + CHANGE_DOUBT * math.exp(-max(past, 0.0) / (CHANGE_LENGTH * radius))
+        changing += OFF_NOMINAL if kept[HELD_UNTIL] > 0.0 else 0.0
         unit = radius * wheel[STATIC_LOAD]
         own = (SURPRISE_MOMENT * unit) ** 2 + (SURPRISE_SLIP * per_slip) ** 2 + by_pulses
         seen = own * (unsettled * changing) ** 2 + rest
@@ -432,7 +440,7 @@ def take_in_moments(method, x, p, memory, scalars, ruts, body, noise):
             kept[SURPRISE] = 0.0
         if abs(kept[SURPRISE]) > CHANGE_SURPRISE:
             kept[SURPRISE] = 0.0
-            doubt_soil(x, p, j, body.changed)
+            doubt_soil(x, p, j, body.changed, kept[HELD_UNTIL] > 0.0 and past < AGAIN * radius)
             scalars[CHANGED] = scalars[TIME]
             cosine = max(-1.0, 1.0 - kept[SINKAGE] / radius)
             kept[HELD_UNTIL] = travelled + radius * math.acos(cosine)
