@@ -59,8 +59,8 @@ class SlidingModeLaw:
         slip: float,
         lag: float,
         dt: float,
-        reach: float = 0.1,
-        boundary_layer: float = 0.1,
+        reach: float = 0.4,
+        boundary_layer: float = 0.4,
         takeover_time: float = 0.2,
     ) -> None:
         for name, value in (

@@ -100,9 +100,9 @@ class SlipControllerNode(TractionLifecycleNode):
                   read_only=True),
         Parameter('pi_response_time', 0.15, 'laws pi and scheduled_pi: response time that the '
                   'SIMC rules aim at', 's', 0.01, 10.0, read_only=True),
-        Parameter('sliding_reach', 0.1, 'law sliding_mode: torque beside that which balances the '
+        Parameter('sliding_reach', 0.4, 'law sliding_mode: torque beside that which balances the '
                   'soil, as share of static load times radius', '', 1e-3, 10.0, read_only=True),
-        Parameter('sliding_boundary_layer', 0.1, 'law sliding_mode: slip error at which that '
+        Parameter('sliding_boundary_layer', 0.4, 'law sliding_mode: slip error at which that '
                   'torque is used to the full', '', 1e-3, 1.0, read_only=True),
     )  # fmt: skip
 
