@@ -4,8 +4,8 @@ How well speed and soil are known depends on the speed, on the slip, on how long
 been measured and on how long ago the soil changed. For a grid of these the extended filter's
 covariance is computed as it drives steadily on the nominal soil with a reading of the wheels
 every 10 ms and one of the speed every 100 ms. In between it is interpolated linearly, along the
-logarithms of speed and times. A filter that looks it up has gains scheduled by these parameters
-and solves no Riccati equation.
+logarithms of speed and times. A filter that looks it up at every reading has gains that these
+parameters alone schedule: what it has measured changes its state, not its gains.
 """
 
 import math

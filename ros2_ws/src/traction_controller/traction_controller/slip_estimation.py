@@ -671,8 +671,8 @@ class SlipEstimation:
         t = scalars[TIME]
         rims = self._wheels[:, 0] * self._memory[:, OMEGA]
         mean = float(np.mean([abs(slip(self.v, rim)) for rim in rims]))
-        # A start is as long ago as any other change at least, and leaves the same unknown.
-        if abs(self.v) > self.least_speed and scalars[TRAVELLED] > self._settling / 2:
+        # After a start the filter's own covariance holds, which the start has left.
+        if abs(self.v) > self.least_speed and scalars[TRAVELLED] > 2 * self._settling:
             self._schedule.look_up(
                 abs(self.v), mean, t - scalars[self._SPEED_T], t - scalars[CHANGED], self._p
             )
