@@ -467,9 +467,7 @@ class SlipEstimation:
                 # Slip over v: -1/rim when driving, -rim/v^2 when braking.
                 per_slip = abs(rim) if abs(rim) >= abs(v) else v * v / max(abs(rim), 1e-3)
                 load = self._wheels[j, 5]
-                stiffness[j] = max(
-                    LEAST_STIFFNESS * load, -slope * per_slip / self._wheels[j, 0]
-                )
+                stiffness[j] = max(LEAST_STIFFNESS * load, -slope * per_slip / self._wheels[j, 0])
         return np.asarray(stiffness)
 
     def wheel_states(self, t: float, omega: ArrayLike, torque: ArrayLike) -> None:
@@ -501,8 +499,10 @@ class SlipEstimation:
             if t - self.t > self.LONGEST_GAP:
                 # Whatever happened meanwhile, it is not known.
                 self.reset()
-        reading = self._spare.pop() if self._spare else Reading(
-            len(self._state), len(self._fresh), self.n_wheels
+        reading = (
+            self._spare.pop()
+            if self._spare
+            else Reading(len(self._state), len(self._fresh), self.n_wheels)
         )
         reading.t = t
         reading.omega[:] = omega
