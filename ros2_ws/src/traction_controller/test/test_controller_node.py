@@ -315,7 +315,9 @@ def test_set_point_from_the_estimated_soil():
     vehicle, soil = load_vehicle('tractor_4wd'), load_soil('sandy_loam_chrono')
     stress = (2 * SlipEstimation(vehicle, soil).max_shear_stress).tolist()
     seeker = SetPoint(vehicle, soil)
-    seeker.update(1.0, 0.2, stress, [True] * 4)
+    # The front wheels' modulus is not known.
+    modulus = [math.nan, math.nan, 0.04, 0.03]
+    seeker.update(1.0, 0.2, stress, [True] * 4, modulus)
     with controller('seek', autostart=True, **params), Probe('seek') as probe:
         probe.diagnostics(f'seek/{NODE}')
         probe.wait_for_diagnostic(f'seek/{NODE}', 'waiting for slip_estimate')
@@ -325,6 +327,7 @@ def test_set_point_from_the_estimated_soil():
         def estimate(**more):
             message = TerrainEstimate(wheel_names=WHEELS, slip_stiffness=[5e4] * 4, **more)
             message.max_shear_stress = stress
+            message.shear_deformation_modulus = modulus
             to_stamp(message.header.stamp, tractor.t)
             terrain.publish(message)
 

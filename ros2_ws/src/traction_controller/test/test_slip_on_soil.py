@@ -9,7 +9,7 @@ from traction_controller.control_law import LAWS
 from traction_controller.driveline import Differential, Grouping
 from traction_controller.lqi_law import LqiLaw
 from traction_controller.slip_control import Mode, SlipControl
-from traction_controller.slip_estimation import thrust_curve
+from traction_model.contact import shear_deficit
 from traction_model.simulate import Drawbar, Plant
 from traction_model.soil import load_soil
 from traction_model.terrain import Terrain
@@ -34,8 +34,10 @@ def stiffnesses(plant):
         soil = PATCH.soils[int(np.searchsorted(PATCH.starts, place, side='right')) - 1]
         length = wheel.radius * math.acos(1 - max(plant.sinkage[j], 1e-3) / wheel.radius)
         path = length / soil.shear_deformation_modulus
-        slope = thrust_curve(plant.slip[j], wheel.width * length, path)[1]
-        found.append(plant.max_shear_stress[j] * slope)
+        # F = tau_max*A*(1 - kappa(y)) with y = |i|*l/K, and -d(kappa)/dy = (kappa - exp(-y))/y.
+        y = max(abs(plant.slip[j]) * path, 1e-3)
+        slope = (shear_deficit(y) - math.exp(-y)) / y
+        found.append(plant.max_shear_stress[j] * wheel.width * length * path * slope)
     return found
 
 

@@ -297,9 +297,12 @@ class SlipControllerNode(TractionLifecycleNode):
         stress = self._take('terrain_estimate max_shear_stress', names, message.max_shear_stress)
         if valid is None or stress is None:
             return
+        # Not a number where it is not known, so not for JointOrder: looked up in its order.
+        modulus = dict(zip(names, message.shear_deformation_modulus, strict=False))
+        moduli = [modulus.get(name, math.nan) for name in self._command.name]
         # After a gap no more than a few periods at once, and none where the clock was set back.
         dt = min(max(dt, 0.0), 5.0 * _SET_POINT_PERIOD)
-        target = self._set_point.update(dt, self._control.slip_target, stress, valid)
+        target = self._set_point.update(dt, self._control.slip_target, stress, valid, moduli)
         if target is not None:
             self._control.set_target(target, TargetSource.SET_POINT)
 
