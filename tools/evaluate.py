@@ -32,6 +32,8 @@ from rich.table import Table
 
 from traction_controller import scenario, trial
 from traction_controller.closed_loop import DT
+from traction_controller.certificate import DENSER
+from traction_controller.gain_table import read_gain_table, read_table_file
 from traction_controller.slip_control import Mode, SlipControl
 from traction_controller.slip_estimation import SlipEstimation
 from traction_model.soil import load_soil
@@ -43,6 +45,9 @@ VEHICLE = 'tractor_4wd'
 SOIL = 'sandy_loam_chrono'
 LAG = 0.2
 """What the controls take the drive's lag for, s: the middle of what is drawn."""
+
+GAINS = ROOT / 'ros2_ws/src/traction_controller/config/gains' / f'{VEHICLE}_hinf.yaml'
+"""Gain table of the LPV controller."""
 
 HOLD_TORQUE = 2.0
 """Largest torque in hold, as a share of static load times radius: never the limit."""
@@ -78,12 +83,15 @@ class Controller:
         Settings of the law by name.
     truth : bool
         Whether it sees the true slip in place of an estimate.
+    table : str
+        File of its gain table, where it has one.
     """
 
     text: str
     law: str
     settings: tuple[tuple[str, float], ...] = ()
     truth: bool = False
+    table: str = ''
 
 
 class Outcome(NamedTuple):
@@ -108,6 +116,8 @@ def _control(controller, mode, target):
         for load, wheel in zip(loads, vehicle.wheels, strict=True)
     ]
     settings = {controller.law: dict(controller.settings)}
+    if controller.table:
+        settings[controller.law]['gain_table'] = read_gain_table(controller.table, vehicle, DT)
     return SlipControl(
         vehicle, target, mode, lag=LAG, dt=DT, law=controller.law, settings=settings,
         hold_torque=hold,
@@ -352,8 +362,20 @@ def controllers(fixed_pi):
         Controller('scheduled PI', 'scheduled_pi'),
         Controller('sliding mode', 'sliding_mode'),
         Controller('LQI', 'lqi'),
-        Controller('LPV', 'lpv'),
+        Controller('LPV', 'lpv', table=str(GAINS)),
     ]
+
+
+def certificate_check():
+    """Target of the certificate: it holds on a grid denser than that of the synthesis."""
+    try:
+        _, margins = read_table_file(GAINS, DENSER)
+    except ValueError as error:
+        found, met = str(error), False
+    else:
+        found = f'least margin {margins.least:.2e} of {margins.points} inequalities'
+        met = margins.least >= 0
+    return f'certificate on a grid {DENSER} times denser', found, 'at least 0', met
 
 
 def checks(results):
@@ -381,6 +403,7 @@ def checks(results):
             ),
         ]
     return [
+        certificate_check(),
         ('stable', f'{100 * lpv.stable:.2f} %', '100 %', lpv.stable == 1.0),
         *answers,
         (
