@@ -31,8 +31,8 @@ from rich.progress import Progress
 from rich.table import Table
 
 from traction_controller import scenario, trial
-from traction_controller.closed_loop import DT
 from traction_controller.certificate import DENSER
+from traction_controller.closed_loop import DT
 from traction_controller.gain_table import read_gain_table, read_table_file
 from traction_controller.slip_control import Mode, SlipControl
 from traction_controller.slip_estimation import SlipEstimation

@@ -156,7 +156,7 @@ def test_wheels_that_the_certificate_does_not_cover_are_refused(tmp_path, certif
 @pytest.mark.parametrize(
     ('text', 'message'),
     [
-        ('format: traction gain table 1\nvehicel: rig\n', 'vehicel: unknown key; did you mean'),
+        ('format: traction gain table 1\nvehicel: rig\n', "vehicel: unknown key; did you mean"),
         ('[1, 2]\n', 'expected a mapping'),
         ('format: !!python/object/apply:os.getcwd []\n', 'not valid YAML'),
     ],

@@ -86,7 +86,9 @@ def test_cost_bounds_the_energy_of_a_simulation(known):
     # After a unit jump of the target, and one of place: energies of z, added up over 30 s.
     design = known.design
     gains = np.array(known.gains)[1]
-    A, E, C = closed_loop(design, gains, np.array(20.0), np.array(0.1), 2, np.array(1.0))
+    A, E, C = closed_loop(
+        design, gains, np.array(20.0), np.array(0.1), 2, np.array(1.0)
+    )
     energy = 0.0
     for column in E.T:
         x = column.copy()
@@ -110,7 +112,9 @@ def test_gamma_bounds_the_norm_of_the_closed_loop():
 
 
 def test_a_small_synthesis_holds_in_between():
-    design = design_for(10.0, 20.0, {'delays': (2, 2), 'lags': (0.1, 0.2), 'stiffness_error': 1.3})
+    design = design_for(
+        10.0, 20.0, {'delays': (2, 2), 'lags': (0.1, 0.2), 'stiffness_error': 1.3}
+    )
     found = synthesize(design)
     margins = check(found, 10)
     assert margins.least >= 0
@@ -143,7 +147,9 @@ def test_settings_are_checked(settings, message):
 
 def test_what_cannot_be_done_is_said():
     # Half a second of delay and slip that answers at once, with the scale unknown tenfold.
-    design = design_for(5.0, 50.0, {'delays': (2, 2), 'stiffness_error': 100.0, 'pole_error': 1.0})
+    design = design_for(
+        5.0, 50.0, {'delays': (2, 2), 'stiffness_error': 100.0, 'pole_error': 1.0}
+    )
     with pytest.raises(SynthesisError, match='gains|solver|inequalities'):
         synthesize(design)
 

@@ -199,11 +199,8 @@ class Certificate(Definition):
         for name, value, shape in (
             ('gains', self.gains, (rows, design.n_gains)),
             ('performance', self.performance, (rows,)),
-            (
-                'lyapunov',
-                self.lyapunov,
-                (poles, len(design.powers), len(design.delay_range), 2, s * (s + 1) // 2),
-            ),
+            ('lyapunov', self.lyapunov,
+             (poles, len(design.powers), len(design.delay_range), 2, s * (s + 1) // 2)),
         ):
             try:
                 found = np.shape(value)
@@ -351,9 +348,7 @@ def margins(certificate: Certificate, density: int = 1) -> Margins:
             f'delay {design.delay_range[d]} samples and lag {design.lags[lag_row]} s is not '
             f'positive definite (least eigenvalue {least_eigenvalues[k, f, d, lag_row]:.3g})'
         )
-    powers = np.linspace(
-        -design.error_steps, design.error_steps, 2 * design.error_steps * density + 1
-    )
+    powers = np.linspace(-design.error_steps, design.error_steps, 2 * design.error_steps * density + 1)
     shares = np.linspace(0, 1, density + 1)
     lags = np.array([design.lag_at(share) for share in shares])
     # On the grid of the synthesis a move goes over into the next cell, and the corners of each
@@ -369,11 +364,7 @@ def margins(certificate: Certificate, density: int = 1) -> Margins:
         power, lag, pole_error, vertex = (
             part.ravel()
             for part in np.meshgrid(
-                powers,
-                np.arange(len(lags)),
-                design.pole_errors,
-                np.arange(len(vertices)),
-                indexing='ij',
+                powers, np.arange(len(lags)), design.pole_errors, np.arange(len(vertices)), indexing='ij'
             )
         )
         row = lag.astype(int)
