@@ -1,3 +1,5 @@
+from glob import glob
+
 from setuptools import find_packages, setup
 
 package_name = 'traction_controller'
@@ -14,8 +16,9 @@ setup(
             'share/' + package_name + '/config',
             ['config/slip_estimator.yaml', 'config/slip_controller.yaml'],
         ),
+        ('share/' + package_name + '/config/gains', sorted(glob('config/gains/*.yaml'))),
     ],
-    install_requires=['numpy', 'scipy', 'traction_model'],
+    install_requires=['numpy', 'pydantic', 'pyyaml', 'scipy', 'traction_model'],
     zip_safe=False,
     maintainer='Traction-control suite maintainers',
     maintainer_email='maintainers@traction-control-suite.org',

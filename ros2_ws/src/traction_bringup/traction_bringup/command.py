@@ -1,5 +1,6 @@
-"""The command `traction`: demo, replay, plot, sweep."""
+"""The command `traction`: demo, replay, plot, sweep, synthesize."""
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -134,6 +135,61 @@ def sweep(
     )
     if interrupted:
         raise typer.Exit(130)
+
+
+@app.command()
+def synthesize(
+    vehicle: Annotated[str, typer.Option(help='Preset or YAML file.')] = 'tractor_4wd',
+    kind: Annotated[
+        str, typer.Option(help='Guarantee: hinf (induced l2 gain) or lqr (cost).')
+    ] = 'hinf',
+    rate: Annotated[float, typer.Option(help='Rate of the controller, Hz.', min=1.0)] = 100.0,
+    lag_min: Annotated[
+        float, typer.Option(help='Least lag from command to shaft torque, s.', min=1e-3)
+    ] = 0.1,
+    lag_max: Annotated[float, typer.Option(help='Largest such lag, s.', min=1e-3)] = 0.3,
+    delay: Annotated[
+        float, typer.Option(help='Transport delay, s; one more period is borne, too.', min=1e-4)
+    ] = 0.02,
+    stiffness_error: Annotated[
+        float, typer.Option(help='Factor by which stiffness may be misjudged.', min=1.05)
+    ] = 2.0,
+    error_time: Annotated[
+        float, typer.Option(help='Weight: lower for a quicker loop, s.', min=1e-3)
+    ] = 0.2,
+    effort: Annotated[
+        float, typer.Option(help='Weight: higher for a calmer loop.', min=1e-6)
+    ] = 0.5,
+    output: Annotated[
+        Path | None,
+        typer.Option('--output', '-o', help='File to write; default: VEHICLE_KIND.yaml.'),
+    ] = None,
+    check: Annotated[
+        Path | None, typer.Option(help='Only check this gain table, on a denser grid, too.')
+    ] = None,
+) -> None:
+    """Synthesise the gains of slip control for a vehicle, with their certificate."""
+    from traction_bringup.synthesize import check_table, synthesize_table
+
+    if check is not None:
+        check_table(check, console)
+        return
+    # Rounded up: a command that arrives between two samples counts from the next.
+    samples = math.ceil(delay * rate - 1e-6)
+    synthesize_table(
+        vehicle,
+        output or Path(f'{Path(vehicle).stem}_{kind}.yaml'),
+        console,
+        {
+            'kind': kind,
+            'period': 1.0 / rate,
+            'lags': (lag_min, lag_max),
+            'delays': (samples, samples + 1),
+            'stiffness_error': stiffness_error,
+            'error_time': error_time,
+            'effort': effort,
+        },
+    )
 
 
 def main() -> int:

@@ -1,0 +1,105 @@
+"""Synthesis of gain tables from the command line, and their check."""
+
+import time
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from traction_controller.certificate import DENSER, Margins, check
+from traction_controller.gain_table import (
+    Scheduling,
+    TableFile,
+    pole_range,
+    read_table_file,
+    table_wheels,
+    write_gain_table,
+)
+from traction_controller.lpv_synthesis import design_for, synthesize
+from traction_model.vehicle import load_vehicle
+
+
+def synthesize_table(
+    vehicle: str, output: Path, console: Console, settings: dict[str, Any]
+) -> None:
+    """Make a gain table for a vehicle, and write it if its certificate stands every check.
+
+    Parameters
+    ----------
+    vehicle : str
+        Preset or YAML file.
+    output : Path
+        YAML file to write.
+    console : Console
+        Where to tell.
+    settings : dict
+        Entries of `LoopDesign` in place of their defaults, SI units.
+
+    Raises
+    ------
+    ValueError
+        If an entry is out of range, or the certificate does not hold on the denser grid.
+    SynthesisError
+        If no gains are found.
+    """
+    started = time.monotonic()
+    wheels, scheduling = table_wheels(load_vehicle(vehicle)), Scheduling()
+    design = design_for(*pole_range(wheels, scheduling), settings)
+    with console.status('') as status:
+        certificate = synthesize(design, lambda text: status.update(f'{text} ...'))
+        status.update('checking on a denser grid ...')
+        check(certificate, DENSER)
+    output.parent.mkdir(parents=True, exist_ok=True)
+    write_gain_table(output, Path(vehicle).stem, wheels, scheduling, certificate)
+    console.print(
+        f'{output} written after {time.monotonic() - started:.0f} s',
+        soft_wrap=True,
+        highlight=False,
+    )
+    check_table(output, console)
+
+
+def check_table(path: Path, console: Console) -> None:
+    """Check a gain table on its grid and on the denser one, and show what it promises.
+
+    Parameters
+    ----------
+    path : Path
+        YAML file.
+    console : Console
+        Where to tell.
+
+    Raises
+    ------
+    DefinitionError
+        If the file is missing or not laid out like a gain table.
+    GainTableError
+        If its numbers were changed or its certificate does not hold.
+    """
+    content, on_grid = read_table_file(path)
+    started = time.monotonic()
+    denser = check(content.certificate, DENSER)
+    _report(content, {'as synthesised': on_grid, f'{DENSER} times denser': denser}, console)
+    console.print(f'checked in {time.monotonic() - started:.1f} s', highlight=False)
+
+
+def _report(content: TableFile, found: dict[str, Margins], console: Console) -> None:
+    certificate = content.certificate
+    design = certificate.design
+    measure = 'gamma' if design.kind == 'hinf' else 'cost'
+    gains = Table(title=f'{content.vehicle}: gains over the slip pole', title_style='bold')
+    commands = [f'command -{k + 1}' for k in range(design.delays[1])]
+    for heading in ('slip pole, 1/s', 'slip', 'torque', 'integral, 1/s', *commands, measure):
+        gains.add_column(heading, justify='right')
+    rows = zip(design.gain_poles, certificate.gains, certificate.performance, strict=True)
+    for pole, row, performance in rows:
+        numbers = [f'{pole:.3g}', *(f'{gain:.3f}' for gain in row), f'{performance:.2f}']
+        gains.add_row(*numbers)
+    console.print(gains)
+    margins = Table(title='certificate', title_style='bold')
+    for heading in ('grid', 'inequalities', 'least margin', 'where'):
+        margins.add_column(heading, justify='left' if heading in ('grid', 'where') else 'right')
+    for grid, margin in found.items():
+        margins.add_row(grid, str(margin.points), f'{margin.least:.2e}', margin.where)
+    console.print(margins)

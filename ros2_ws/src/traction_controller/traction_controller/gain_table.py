@@ -1,0 +1,390 @@
+"""Gain tables: the gains of a vehicle's wheels with their certificate, and their YAML file.
+
+The law is in velocity form: every sampling period h adds to the torque last sent
+
+    du = - slip_gain*(change of slip) - torque_gain*(change of shaft torque)
+         - sum_k command_gains[k]*(change of the command sent k + 1 periods ago)
+         + integral_gain*(target - slip)*h
+
+so that gains may change at every period. Gains are stored over the slip pole (see
+`traction_controller.slip_loop`) and scaled by the wheel's torque per slip, so one list serves all
+wheels of a vehicle.
+"""
+
+import hashlib
+import json
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Literal
+
+import yaml
+from pydantic import Field
+
+from traction_controller.certificate import Certificate, CertificateError, Margins, check
+from traction_controller.slip_loop import slip_pole, torque_scale
+from traction_model.definition import Definition, build, read_yaml
+from traction_model.vehicle import GRAVITY, Vehicle
+from traction_model.wheel import Wheel
+
+FORMAT = 'traction gain table 1'
+"""What the files say they are."""
+
+
+class GainTableError(ValueError):
+    """A gain table that must not be used; the text says what does not hold."""
+
+
+class Scheduling(Definition):
+    """How rim speed and slip stiffness become slip pole and torque scale.
+
+    Attributes
+    ----------
+    slip : float
+        Slip that wheels are linearised at, at least 0 and below 1.
+    stiffness : tuple of float
+        Least and largest slip stiffness, over the static load, dimensionless, above 0; beyond
+        them the gains at the end stand.
+    rim_speed : tuple of float
+        Least and largest rim speed, m/s, above 0: the range that the certificate is for.
+    """
+
+    slip: float = Field(default=0.15, ge=0, lt=1)
+    stiffness: tuple[float, float] = (0.25, 50.0)
+    rim_speed: tuple[float, float] = (0.3, 7.5)
+
+
+class TableWheel(Definition):
+    """A wheel that the gains are for.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Its name, and those of wheels just like it.
+    radius, inertia : float
+        m and kg*m^2, above 0.
+    load : float
+        Static load, N, above 0.
+    """
+
+    names: tuple[str, ...]
+    radius: float = Field(gt=0)
+    inertia: float = Field(gt=0)
+    load: float = Field(gt=0)
+
+
+class TableFile(Definition):
+    """A gain table as its file has it.
+
+    Attributes
+    ----------
+    format : str
+        `FORMAT`.
+    vehicle : str
+        Name of the vehicle, for people.
+    wheels : tuple of TableWheel
+        What it is for.
+    scheduling : Scheduling
+        How gains are looked up.
+    certificate : Certificate
+        Gains and proof.
+    digest : str
+        SHA-256 of all the rest, hexadecimal.
+    """
+
+    format: Literal['traction gain table 1']
+    vehicle: str
+    wheels: tuple[TableWheel, ...] = Field(min_length=1)
+    scheduling: Scheduling
+    certificate: Certificate
+    digest: str
+
+    def computed_digest(self) -> str:
+        """Digest of the numbers as they are.
+
+        Returns
+        -------
+        str
+            SHA-256, hexadecimal.
+        """
+        content = self.model_dump(mode='json', exclude={'digest'})
+        text = json.dumps(content, sort_keys=True, separators=(',', ':'))
+        return hashlib.sha256(text.encode()).hexdigest()
+
+
+class GainTable:
+    """Gains of one wheel over rim speed and slip stiffness.
+
+    Parameters
+    ----------
+    wheel : TableWheel
+        The wheel.
+    scheduling : Scheduling
+        How gains are looked up.
+    certificate : Certificate
+        Gains and proof, taken as they are.
+
+    Attributes
+    ----------
+    period : float
+        Sampling period that the gains are for, s.
+    n_commands : int
+        Number of gains on commands sent before, dimensionless.
+    """
+
+    def __init__(
+        self, wheel: TableWheel, scheduling: Scheduling, certificate: Certificate
+    ) -> None:
+        design = certificate.design
+        self.period = design.period
+        self.n_commands = design.delays[1]
+        turning = Wheel(radius=wheel.radius, width=1.0, inertia=wheel.inertia)
+        mass, slip = wheel.load / GRAVITY, scheduling.slip
+        self._pole = slip_pole(turning, mass, 1.0, 1.0, slip)
+        self._scale = torque_scale(turning, mass, 1.0, slip)
+        self._least = scheduling.stiffness[0] * wheel.load
+        self._most = scheduling.stiffness[1] * wheel.load
+        # Plain numbers: quicker than arrays when one set of gains is wanted at a time.
+        self._first = math.log(design.gain_poles[0])
+        self._per_step = 1.0 / design.step
+        self._last = len(design.gain_poles) - 1
+        self._gains = [tuple(row) for row in certificate.gains]
+
+    def at(self, rim_speed: float, stiffness: float) -> tuple[float, ...]:
+        """Interpolate the gains; outside the table those at its edge.
+
+        Parameters
+        ----------
+        rim_speed : float
+            r*omega, m/s; its magnitude counts.
+        stiffness : float
+            Slip stiffness, N, at least 0.
+
+        Returns
+        -------
+        tuple of float
+            Gain on the change of slip, N*m; of shaft torque, 1; on the integral of the slip
+            error, N*m/s; on the changes of the commands sent 1, 2, ... periods ago, 1.
+        """
+        # Written so that NaN becomes the least stiffness: the least gains.
+        stiffness = min(stiffness, self._most) if stiffness > self._least else self._least
+        pole = stiffness * self._pole / max(abs(rim_speed), 1e-3)
+        place = min(max((math.log(pole) - self._first) * self._per_step, 0.0), self._last)
+        row = min(int(place), self._last - 1)
+        share = place - row
+        gains = [
+            low + share * (high - low)
+            for low, high in zip(self._gains[row], self._gains[row + 1], strict=True)
+        ]
+        scale = stiffness * self._scale
+        gains[0] *= scale
+        gains[2] *= scale
+        return tuple(gains)
+
+
+def table_wheels(vehicle: Vehicle) -> tuple[TableWheel, ...]:
+    """Gather the wheels of a vehicle, like ones together.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        The vehicle.
+
+    Returns
+    -------
+    tuple of TableWheel
+        In the order in which they first come, SI units.
+    """
+    found: dict[tuple[float, float, float], list[str]] = {}
+    for name, wheel, load in zip(
+        vehicle.wheel_names, vehicle.wheels, vehicle.static_loads(), strict=True
+    ):
+        # Loads of like wheels differ by rounding.
+        found.setdefault((wheel.radius, wheel.inertia, round(float(load), 6)), []).append(name)
+    return tuple(
+        TableWheel(names=tuple(names), radius=radius, inertia=inertia, load=load)
+        for (radius, inertia, load), names in found.items()
+    )
+
+
+def pole_range(wheels: Iterable[TableWheel], scheduling: Scheduling) -> tuple[float, float]:
+    """Range of the slip pole of wheels.
+
+    Parameters
+    ----------
+    wheels : iterable of TableWheel
+        The wheels.
+    scheduling : Scheduling
+        Ranges of stiffness and rim speed.
+
+    Returns
+    -------
+    lowest, highest : float
+        1/s: at the least stiffness and largest rim speed, and the other way round.
+    """
+    poles = [
+        slip_pole(
+            Wheel(radius=wheel.radius, width=1.0, inertia=wheel.inertia),
+            wheel.load / GRAVITY, speed, share * wheel.load, scheduling.slip,
+        )
+        for wheel in wheels
+        for share, speed in zip(
+            scheduling.stiffness, reversed(scheduling.rim_speed), strict=True
+        )
+    ]  # fmt: skip
+    return min(poles), max(poles)
+
+
+def write_gain_table(
+    path: Path | str,
+    name: str,
+    wheels: tuple[TableWheel, ...],
+    scheduling: Scheduling,
+    certificate: Certificate,
+) -> None:
+    """Write a gain table.
+
+    Parameters
+    ----------
+    path : Path or str
+        YAML file to write.
+    name : str
+        Name of the vehicle, for people.
+    wheels : tuple of TableWheel
+        Its wheels, SI units.
+    scheduling : Scheduling
+        How gains are looked up.
+    certificate : Certificate
+        Gains and proof.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+    """
+    unsigned = TableFile(
+        format=FORMAT, vehicle=name, wheels=wheels, scheduling=scheduling,
+        certificate=certificate, digest='',
+    )  # fmt: skip
+    content = unsigned.model_dump(mode='json')
+    content['digest'] = unsigned.computed_digest()
+    design = certificate.design
+    worst = max(certificate.performance)
+    text = (
+        f'# Gains of slip control for {name}, made by `traction synthesize`: see '
+        f'docs/theory.md, "LPV synthesis".\n'
+        f'# {design.kind}, {"gamma" if design.kind == "hinf" else "cost"} at most {worst:.4g}; '
+        f'period {design.period:g} s, delay {design.delays[0]} to {design.delays[1]} periods, '
+        f'lag {design.lags[0]:g} to {design.lags[1]:g} s,\n'
+        f'# stiffness misjudged up to {design.stiffness_error:g} times. '
+        'Changed by hand it is refused: the certificate is checked whenever it is read.\n'
+    )
+    # Numbers in one line, structure in many; every float in full.
+    text += yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120)
+    Path(path).write_text(text, encoding='utf-8')
+
+
+def read_table_file(path: Path | str, density: int = 1) -> tuple[TableFile, Margins]:
+    """Read a gain table and check its certificate.
+
+    Parameters
+    ----------
+    path : Path or str
+        YAML file.
+    density : int
+        How many times denser than the grid of the synthesis to check.
+
+    Returns
+    -------
+    TableFile
+        What it holds.
+    Margins
+        What the check found, dimensionless.
+
+    Raises
+    ------
+    DefinitionError
+        If the file is missing or not laid out like a gain table, naming the key.
+    GainTableError
+        If its numbers were changed or the certificate does not hold.
+    """
+    path = Path(path)
+    content: TableFile = build(TableFile, read_yaml(path), str(path))
+    try:
+        found = check(content.certificate, density)
+    except CertificateError as error:
+        raise GainTableError(f'{path}: {error}') from error
+    lowest, highest = pole_range(content.wheels, content.scheduling)
+    design = content.certificate.design
+    if lowest < design.poles[0] * (1 - 1e-9) or highest > design.largest_pole * (1 + 1e-9):
+        raise GainTableError(
+            f'{path}: the certificate covers slip poles from {design.poles[0]:.4g} to '
+            f'{design.largest_pole:.4g} 1/s, its wheels have {lowest:.4g} to {highest:.4g}'
+        )
+    if content.digest != content.computed_digest():
+        raise GainTableError(
+            f'{path}: the digest does not fit the numbers: the file was changed by hand; make '
+            'it again with `traction synthesize`'
+        )
+    return content, found
+
+
+def read_gain_table(
+    path: Path | str, vehicle: Vehicle | None = None, period: float | None = None
+) -> dict[str, GainTable]:
+    """Read a gain table, having checked its certificate.
+
+    Parameters
+    ----------
+    path : Path or str
+        YAML file, made by `traction synthesize`.
+    vehicle : Vehicle, optional
+        What is to be driven: must be what the table is for.
+    period : float, optional
+        Sampling period of the controller, s: must be the table's.
+
+    Returns
+    -------
+    dict of str to GainTable
+        By the name of the wheel; gains in N*m, 1, N*m/s and 1.
+
+    Raises
+    ------
+    DefinitionError
+        If the file is missing or not laid out like a gain table, naming the key.
+    GainTableError
+        If its numbers were changed, the certificate does not hold, or it is for another
+        vehicle or period.
+    """
+    content, _ = read_table_file(path)
+    design = content.certificate.design
+    if period is not None and not math.isclose(period, design.period, rel_tol=1e-6):
+        raise GainTableError(
+            f'{path}: made for a period of {design.period:g} s, the controller has {period:g} s'
+        )
+    if vehicle is not None:
+        _check_wheels(path, content, vehicle)
+    return {
+        name: GainTable(wheel, content.scheduling, content.certificate)
+        for wheel in content.wheels
+        for name in wheel.names
+    }
+
+
+def _check_wheels(path: Path | str, content: TableFile, vehicle: Vehicle) -> None:
+    """Refuse a vehicle that the table is not for."""
+    made_for = {name: wheel for wheel in content.wheels for name in wheel.names}
+    needed = {name: wheel for wheel in table_wheels(vehicle) for name in wheel.names}
+    if set(made_for) != set(needed):
+        raise GainTableError(
+            f'{path}: made for the wheels {", ".join(made_for)} of {content.vehicle}, the '
+            f'vehicle has {", ".join(needed)}'
+        )
+    for name, wheel in needed.items():
+        for what in ('radius', 'inertia', 'load'):
+            given, wanted = getattr(made_for[name], what), getattr(wheel, what)
+            if not math.isclose(given, wanted, rel_tol=1e-6):
+                raise GainTableError(
+                    f"{path}: made for a wheel '{name}' of {what} {given:g}, the vehicle's has "
+                    f'{wanted:g}: make a table for it with `traction synthesize`'
+                )
