@@ -6,15 +6,8 @@ import make_bags
 import numpy as np
 import pytest
 
-from traction_controller.slip_estimation import (
-    EstimatorNoise,
-    SlipEstimation,
-    Source,
-    forget,
-    predict,
-    take_in,
-    thrust_curve,
-)
+from traction_controller.slip_estimation import EstimatorNoise, SlipEstimation, Source
+from traction_model.sensors import Tachometer
 from traction_model.slip import slip
 from traction_model.soil import load_soil
 from traction_model.vehicle import load_vehicle
@@ -22,7 +15,10 @@ from traction_model.vehicle import load_vehicle
 RADAR_SIGMA = 0.05  # m/s, as in bags/README.md
 
 
-def replay(chrono, name, silent=(math.inf, math.inf)):
+METHODS = ['ekf', 'ukf', 'lpv']
+
+
+def replay(chrono, name, silent=(math.inf, math.inf), method='ukf'):
     """Estimate over a Chrono run as its bag has it: 100 Hz, and radar at 10 Hz with its noise.
 
     Returns t, slip error and its claimed standard deviation per wheel, and whether all slips
@@ -31,7 +27,7 @@ def replay(chrono, name, silent=(math.inf, math.inf)):
     recording = chrono(name)
     vehicle = recording.vehicle
     radii = [wheel.radius for wheel in vehicle.wheels]
-    estimation = SlipEstimation(vehicle, load_soil(recording.run.soils[0]))
+    estimation = SlipEstimation(vehicle, load_soil(recording.run.soils[0]), method=method)
     noise = np.random.default_rng(make_bags.SEEDS[name]).normal(0.0, RADAR_SIGMA, len(recording.t))
     rows = []
     for k in range(0, len(recording.t), 2):
@@ -50,46 +46,89 @@ def replay(chrono, name, silent=(math.inf, math.inf)):
     return rows[:, 0], rows[:, 1 : 1 + n], rows[:, 1 + n : 1 + 2 * n], rows[:, -1] > 0.5
 
 
+@pytest.mark.parametrize('method', METHODS)
 @pytest.mark.parametrize(
-    'name', ['wheel_drawbar', 'wheel_torque_sine', 'tractor_sandy_loam', 'tractor_soft_patch']
+    ('name', 'most'),
+    [
+        # A reading of the radar is off by 0.05 m/s, over the rim's speed 0.012 to 0.033.
+        ('wheel_drawbar', 0.010),
+        ('wheel_torque_sine', 0.010),
+        ('tractor_sandy_loam', 0.010),
+        ('tractor_soft_patch', 0.010),
+        # At 0.7 to 1.3 m/s a reading is off by 0.05 to 0.07 of slip, and told the patch's true
+        # soil and place the filter reaches 0.012: Chrono's wheel obeys no curve to better.
+        ('wheel_soft_patch', 0.025),
+    ],
 )
-def test_slip_as_in_chrono(chrono, name):
-    # The suite's own budget: 0.02 after the first 2 s. Radar alone would give its noise over
-    # the rim's speed: 0.05 m/s/1.5 m/s = 0.033.
-    _, error, _, valid = replay(chrono, name)
+def test_slip_as_in_chrono(chrono, name, most, method):
+    _, error, _, valid = replay(chrono, name, method=method)
     assert valid.all()
-    assert math.sqrt(np.mean(error**2)) <= 0.02
+    assert math.sqrt(np.mean(error**2)) <= most
 
 
+@pytest.mark.parametrize('method', METHODS)
 @pytest.mark.parametrize('name', list(make_bags.SEEDS))
-def test_errors_are_as_large_as_claimed(chrono, name):
+def test_errors_are_as_large_as_claimed(chrono, name, method):
     # Of a normal error 95.4 % lie within two standard deviations.
-    _, error, deviation, _ = replay(chrono, name)
-    assert np.mean(np.abs(error) <= 2 * deviation) >= 0.90
+    _, error, deviation, _ = replay(chrono, name, method=method)
+    assert 0.90 <= np.mean(np.abs(error) <= 2 * deviation) < 1.0
 
 
-def test_tractor_without_radar(chrono):
-    # Silent from 6 to 9 s: slip rests on the thrust curve learnt before.
-    t, error, deviation, valid = replay(chrono, 'tractor_sandy_loam', silent=(6.0, 9.0))
-    gap = (t > 6.5) & (t < 9.0)
-    assert valid.all()
-    assert math.sqrt(np.mean(error[gap] ** 2)) <= 0.02
-    assert np.mean(np.abs(error[gap]) <= 2 * deviation[gap]) >= 0.9
-    assert np.median(deviation[gap]) > np.median(deviation[(t > 4.0) & (t < 6.0)])
+@pytest.mark.parametrize('start', [4.0, 6.0, 9.5])
+@pytest.mark.parametrize(
+    'name',
+    ['wheel_drawbar', 'wheel_torque_sine', 'wheel_soft_patch', 'tractor_sandy_loam',
+     'tractor_soft_patch'],
+)  # fmt: skip
+def test_radar_gap_of_five_seconds(chrono, name, start):
+    # In the patch runs the gap from 6 s on holds the change of soil, too.
+    t, error, deviation, _ = replay(chrono, name, silent=(start, start + 5.0))
+    _, without, _, _ = replay(chrono, name)
+    gap = (t >= start) & (t < start + 5.0)
+    cost = math.sqrt(np.mean(error[gap] ** 2)) - math.sqrt(np.mean(without[gap] ** 2))
+    assert cost <= 0.03
+    assert np.mean(np.abs(error[gap]) <= 2 * deviation[gap]) >= 0.85
 
 
-def test_wheel_on_its_flat_thrust_curve_says_that_it_does_not_know(chrono):
-    # At 20 % slip y = i*l/K is about 8: all strength is mobilised, so thrust does not tell slip.
-    # The deviation grows with the gap, holds what the error does, and at last flags the slip.
-    t, error, deviation, valid = replay(chrono, 'wheel_drawbar', silent=(6.0, 10.5))
-    gap = (t > 6.5) & (t < 10.5)
-    assert np.mean(np.abs(error[gap]) <= 2 * deviation[gap]) >= 0.9
-    assert deviation[t < 10.5][-1] > 5 * deviation[t < 6.0][-1]
-    assert not valid[t < 10.5][-1]
-    # A second after the radar is back, it is no worse than radar alone, 0.05 m/s/1.5 m/s.
-    back = t > 11.5
-    assert valid[back].all()
-    assert math.sqrt(np.mean(error[back] ** 2)) <= 0.033
+@pytest.mark.parametrize(
+    ('name', 'entered'),
+    # x of the wheel at 8.5 m, of the rear wheels at 22 m: see traction_model.chrono.
+    [('wheel_soft_patch', 8.5), ('tractor_soft_patch', 22.0)],
+)
+def test_shear_strength_of_a_soft_patch_within_three_seconds(chrono, name, entered):
+    recording = chrono(name)
+    vehicle = recording.vehicle
+    nominal, patch = (load_soil(soil) for soil in recording.run.soils)
+    estimation = SlipEstimation(vehicle, nominal)
+    # Nominal tau_max = c + (W/A)*tan(phi) gives W/A over the area that the estimate refers to.
+    pressure = (estimation.max_shear_stress - nominal.cohesion) / math.tan(nominal.friction_angle)
+    truth = np.array([patch.max_shear_stress(p) for p in pressure])
+    # The change is a quarter of tau_max, more than what is asked for.
+    assert np.all(truth < 0.8 * estimation.max_shear_stress)
+    noise = np.random.default_rng(make_bags.SEEDS[name]).normal(0.0, RADAR_SIGMA, len(recording.t))
+    last = recording.t[np.searchsorted(recording.x, entered)]
+    judged = 0
+    for k in range(0, len(recording.t), 2):
+        t = recording.t[k]
+        estimation.wheel_states(t, recording.omega[k], recording.torque[k])
+        if k % 20 == 0:
+            estimation.radar(t, recording.v[k] + noise[k], RADAR_SIGMA**2)
+        if t >= last + 3.0:
+            judged += 1
+            assert estimation.max_shear_stress == pytest.approx(truth, rel=0.15)
+            assert np.all(estimation.max_shear_stress_variance > 0)
+    assert judged > 300
+
+
+def test_soil_parameters_come_with_their_variances():
+    estimation = fresh()
+    assert np.isnan(estimation.sinkage).all()
+    # At rest on the nominal soil: K = 0.01 m, its logarithm unknown by 0.1*0.6.
+    assert estimation.shear_deformation_modulus == pytest.approx([0.01])
+    assert estimation.shear_deformation_modulus_variance == pytest.approx([(0.01 * 0.06) ** 2])
+    moving = driving(2.0)
+    assert 0.1 < moving.sinkage[0] < 0.3
+    assert 0 < moving.sinkage_variance[0] < 0.01
 
 
 def test_source_follows_the_radar():
@@ -134,7 +173,7 @@ def snapshot(estimation):
         (lambda e: e.wheel_states(1.0, [1.0, 2.0], [1.0]),
          'expected a wheel speed for each of 1 wheels, got 2'),
         (lambda e: e.wheel_states(1.0, [1.0], []), 'a shaft torque for each of 1 wheels, got 0'),
-        (lambda e: e.wheel_states(0.5, [1.0], [1.0]), 'time runs backwards: 0.500000 s after 0'),
+        (lambda e: e.wheel_states(0.3, [1.0], [1.0]), 'time runs backwards: 0.300000 s after 0'),
         (lambda e: e.wheel_states(math.nan, [1.0], [1.0]), 'of measurement is not finite: nan'),
         (lambda e: e.radar(1.0, math.nan, 0.01), 'radar reading nan m/s with variance 0.01'),
         (lambda e: e.radar(1.0, 0.9, -0.1), 'with variance -0.1 m\\^2/s\\^2 is not usable'),
@@ -177,10 +216,106 @@ def test_one_wild_reading_changes_nothing():
     assert estimation.radar(1.99, v, 0.0025)
 
 
-def test_late_radar_counts_as_now():
-    estimation = driving(1.0)
-    assert estimation.radar(0.9, 0.9, 0.0025)
-    assert estimation.t == pytest.approx(0.99)
+@pytest.mark.parametrize('method', METHODS)
+def test_late_and_out_of_order_as_if_in_time(chrono, method):
+    recording = chrono('tractor_soft_patch')
+    soil = load_soil(recording.run.soils[0])
+    # From before the patch to behind it, so that the soil changes meanwhile.
+    wheels, radar = [], []
+    for k in range(1300, 1800, 2):
+        wheels.append((recording.t[k], 0, k))
+        if k % 20 == 0:
+            radar.append((recording.t[k] - 0.004, 1, k))
+    in_time = sorted(wheels + radar)
+    # Radar 130 ms late, and every fifth reading of the wheels after the next two.
+    arrival = [(t + (0.13 if kind else 0.0), kind, k, t) for t, kind, k in in_time]
+    arrival = [
+        (a + (0.025 if not kind and k % 10 == 0 and k > 1300 else 0.0), kind, k, t)
+        for a, kind, k, t in arrival
+    ]
+    pair = [SlipEstimation(recording.vehicle, soil, method=method) for _ in range(2)]
+    for estimation, order in zip(
+        pair, ([(k, kind, t) for t, kind, k in in_time],
+               [(k, kind, t) for _, kind, k, t in sorted(arrival)]), strict=True,
+    ):  # fmt: skip
+        for k, kind, t in order:
+            if kind:
+                estimation.radar(t, recording.v[k], 0.0025)
+            else:
+                estimation.wheel_states(t, recording.omega[k], recording.torque[k])
+    first, second = pair
+    assert snapshot(first) == snapshot(second)
+    assert first.sinkage.tolist() == second.sinkage.tolist()
+    assert first.resistance_variance == second.resistance_variance
+
+
+def test_latency_is_taken_off_the_stamp():
+    timely = driving(1.0)
+    late = SlipEstimation(
+        load_vehicle('single_wheel_rig'), load_soil('paper_sand'), radar_latency=0.1
+    )
+    gnss = SlipEstimation(
+        load_vehicle('single_wheel_rig'), load_soil('paper_sand'), gnss_latency=0.1
+    )
+    for k in range(100):
+        for estimation, sensor in ((late, late.radar), (gnss, gnss.gnss)):
+            estimation.wheel_states(0.01 * k, [2.0], [800.0])
+            if k % 10 == 0 and k >= 10:
+                # Delivered and stamped 100 ms after `driving` measured it.
+                assert sensor(0.01 * k, 0.9, 0.0025)
+    # That of 0.9 s is yet to come.
+    assert late.radar(1.0, 0.9, 0.0025)
+    assert gnss.gnss(1.0, 0.9, 0.0025)
+    for estimation in (late, gnss):
+        assert estimation.v == pytest.approx(timely.v, abs=1e-6)
+        assert estimation.v_variance == pytest.approx(timely.v_variance, rel=1e-6)
+
+
+def test_blind_radar_reads_nothing():
+    estimation = SlipEstimation(
+        load_vehicle('single_wheel_rig'), load_soil('paper_sand'), radar_least_speed=0.5
+    )
+    for k in range(100):
+        estimation.wheel_states(0.01 * k, [2.0], [800.0])
+        before = snapshot(estimation)
+        # Zero below its least speed: not a standing vehicle.
+        assert not estimation.radar(0.01 * k, 0.0, 0.0025)
+        assert snapshot(estimation) == before
+    assert estimation.source is Source.WHEEL
+    assert estimation.radar(0.99, 0.9, 0.0025)
+    assert estimation.source is Source.BLENDED
+
+
+@pytest.mark.parametrize(
+    ('name', 'most'),
+    # A pulse of 60 is 10 rad/s of a reading at 100 Hz, several times the wheels' 2 to 6 rad/s.
+    # Where nothing changes quickly it costs little; the rig on its patch goes down to 0.65 m/s.
+    [('wheel_drawbar', 0.02), ('tractor_sandy_loam', 0.02), ('wheel_soft_patch', 0.04)],
+)
+def test_coarse_encoder_does_not_read_as_slip(chrono, name, most):
+    recording = chrono(name)
+    tachometer = Tachometer(len(recording.vehicle.wheels), 60)
+    estimation = SlipEstimation(
+        recording.vehicle, load_soil(recording.run.soils[0]), tachometer_pulses=60
+    )
+    noise = np.random.default_rng(make_bags.SEEDS[name]).normal(0.0, RADAR_SIGMA, len(recording.t))
+    errors, deviations, raw = [], [], []
+    for k in range(0, len(recording.t), 2):
+        t = recording.t[k]
+        turning = recording.omega[max(k - 1, 0) : k + 1].mean(axis=0)
+        reading = tachometer.read(turning, 0.01)
+        estimation.wheel_states(t, reading, recording.torque[k])
+        if k % 20 == 0:
+            estimation.radar(t, recording.v[k] + noise[k], RADAR_SIGMA**2)
+        if t >= 2.0:
+            errors.append(estimation.slip - recording.slip[k])
+            deviations.append(np.sqrt(estimation.slip_variance))
+            raw.append(reading - recording.omega[k])
+    errors = np.array(errors)
+    assert np.std(raw) > 2.5
+    assert abs(np.mean(errors)) < 0.01
+    assert math.sqrt(np.mean(errors**2)) <= most
+    assert np.mean(np.abs(errors) <= 2 * np.array(deviations)) >= 0.9
 
 
 def test_radar_of_another_clock_is_refused_and_a_radar_alone_is_not_used():
@@ -209,8 +344,8 @@ def test_torque_that_only_spins_the_wheel_up_is_no_thrust(rate):
     for k in range(40):
         estimation.wheel_states(k / rate, [3.0 * k / rate], [60.0])
     # Left over of the first reading, which knows no acceleration: 60/0.5 N, fading out with
-    # the filter's 60 ms.
-    assert estimation.thrust[0] == pytest.approx(120.0 * math.exp(-39 / rate / 0.06), abs=1e-6)
+    # the filter's 40 ms.
+    assert estimation.thrust[0] == pytest.approx(120.0 * math.exp(-39 / rate / 0.04), abs=1e-6)
 
 
 def tractor_at(speed):
@@ -295,65 +430,7 @@ def test_backward_is_forward_mirrored(chrono):
     assert backward.max_shear_stress == pytest.approx(forward.max_shear_stress)
 
 
-def test_predict_and_take_in_against_a_kalman_filter():
-    # Textbook form: x = F*x + B*u, P = F*P*F' + Q*dt; K = P*h/(h'P*h + R), P = (1 - K*h')*P.
-    random = np.random.default_rng(1)
-    n = 4
-    mass, dt = 4440.0, 0.013
-    q = np.array([4e-4, 2.4e6, 1.6e-3])
-    root = random.standard_normal((2 + n, 2 + n))
-    x = random.standard_normal(2 + n) * [3, 5000, 1, 1, 1, 1]
-    p = root @ root.T
-    ours_x, ours_p = x.copy(), p.copy()
-    transition = np.eye(2 + n)
-    transition[0, 1] = -dt / mass
-    noise = np.diag([q[0], q[1], *[q[2]] * n]) * dt
-    for _ in range(100):
-        impulse = random.standard_normal() * 100
-        predict(ours_x, ours_p, impulse, mass, *q, dt)
-        x = transition @ x
-        x[0] += impulse / mass
-        p = transition @ p @ transition.T + noise
-        h = random.standard_normal(2 + n) * [1, 1e-3, 1, 1, 1, 1]
-        variance = random.uniform(0.1, 2.0)
-        innovation = random.standard_normal()
-        gain = p @ h / (h @ p @ h + variance)
-        # Its own gain from its own covariance.
-        take_in(ours_x, ours_p, h, ours_p @ h / (h @ ours_p @ h + variance), innovation, variance)
-        x = x + gain * innovation
-        p = p - np.outer(gain, h) @ p
-        scale = np.sqrt(np.outer(np.diag(p), np.diag(p)))
-        assert np.max(np.abs(ours_p - p) / scale) < 1e-9
-        assert np.max(np.abs(ours_x - x) / np.sqrt(np.diag(p))) < 1e-9
-
-
-def test_forget_keeps_the_rest():
-    p = np.arange(9.0).reshape(3, 3)
-    forget(p, 1, 7.0)
-    assert p.tolist() == [[0, 0, 2], [0, 7, 0], [6, 0, 8]]
-
-
-@pytest.mark.parametrize('i', [-0.9, -0.2, -1e-3, 1e-3, 0.05, 0.3, 0.95])
-def test_slope_of_the_thrust_curve(i):
-    h = 1e-6
-    rise = thrust_curve(i + h, 0.2, 12.0)[0] - thrust_curve(i - h, 0.2, 12.0)[0]
-    assert thrust_curve(i, 0.2, 12.0)[1] == pytest.approx(rise / (2 * h), rel=1e-6)
-
-
-def test_thrust_curve_by_hand():
-    # A = 0.2 m^2, l/K = 12, slip 0.25: y = 3, kappa = (1 - exp(-3))/3 = 0.316738;
-    # g = 0.2*0.683262 = 0.136652 m^2; at zero slip the slope is A*(l/K)/2 = 1.2 m^2.
-    assert thrust_curve(0.25, 0.2, 12.0)[0] == pytest.approx(0.136652, abs=1e-6)
-    assert thrust_curve(-0.25, 0.2, 12.0)[0] == pytest.approx(-0.136652, abs=1e-6)
-    assert thrust_curve(0.0, 0.2, 12.0) == (0.0, pytest.approx(1.2))
-
-
-def test_slope_is_smooth_where_the_series_begins():
-    below, above = thrust_curve(0.999e-4 / 12, 0.2, 12.0), thrust_curve(1.001e-4 / 12, 0.2, 12.0)
-    assert below[1] == pytest.approx(above[1], rel=1e-6)
-
-
-@pytest.mark.parametrize('fault', ['acceleration', 'speed', 'strength', 'thrust', 'slip'])
+@pytest.mark.parametrize('fault', ['acceleration', 'speed', 'soil', 'strength', 'nominal', 'slip'])
 def test_noise_refuses(fault):
     with pytest.raises(ValueError, match=f'noise {fault} must be above 0, got -1.0'):
         EstimatorNoise(**{fault: -1.0})
@@ -363,3 +440,13 @@ def test_noise_refuses(fault):
 def test_estimation_refuses(fault):
     with pytest.raises(ValueError, match=f'{fault} must be above 0, got 0.0'):
         SlipEstimation(load_vehicle('single_wheel_rig'), load_soil('paper_sand'), **{fault: 0.0})
+
+
+@pytest.mark.parametrize(
+    ('fault', 'value'),
+    [('tachometer_pulses', -1.0), ('radar_latency', 0.6), ('gnss_latency', math.nan),
+     ('radar_least_speed', -0.1)],
+)  # fmt: skip
+def test_estimation_refuses_what_sensors_cannot_be(fault, value):
+    with pytest.raises(ValueError, match=f'{fault} must be 0 to'):
+        SlipEstimation(load_vehicle('single_wheel_rig'), load_soil('paper_sand'), **{fault: value})

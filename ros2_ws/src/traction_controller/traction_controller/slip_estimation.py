@@ -204,6 +204,8 @@ class SlipEstimation:
     LONGEST_GAP = 0.5
     # How long readings are kept, for those that come late, s.
     HISTORY = 1.0
+    # Stamps closer than this are the same, s.
+    _SAME = 1e-6
     # Innovations beyond this many standard deviations are not believed ...
     _GATE = 5.0
     # ... unless they go on for this long, s: then it is the estimate that is wrong.
@@ -524,7 +526,7 @@ class SlipEstimation:
         reading.speeds.clear()
         if self.t is None or t >= self.t:
             last = self._readings[-1] if self._readings else None
-            if last is not None and last.speeds and last.speeds[-1][0] >= t:
+            if last is not None and last.speeds and last.speeds[-1][0] + self._SAME >= t:
                 self._put(reading)
             else:
                 self._readings.append(reading)
@@ -604,7 +606,9 @@ class SlipEstimation:
             return False
         measured = t - self._latency[sensor]
         entry = (measured, int(sensor), v, variance or self.radar_variance)
-        place = bisect_right(self._readings, measured, key=lambda reading: reading.t) - 1
+        place = bisect_right(
+            self._readings, measured + self._SAME, key=lambda reading: reading.t
+        ) - 1
         if place < 0:
             return False
         reading = self._readings[place]
@@ -625,7 +629,7 @@ class SlipEstimation:
         place = bisect_right(self._readings, reading.t, key=lambda other: other.t)
         # There is one before it: the oldest is older than whatever is accepted.
         before = self._readings[place - 1]
-        first = bisect_right(before.speeds, reading.t, key=lambda entry: entry[0] + 1e-12)
+        first = bisect_right(before.speeds, reading.t, key=lambda entry: entry[0] + self._SAME)
         reading.speeds.extend(before.speeds[first:])
         del before.speeds[first:]
         self._readings.insert(place, reading)

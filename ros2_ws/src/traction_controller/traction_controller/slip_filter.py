@@ -421,7 +421,7 @@ def take_in_moments(method, x, p, memory, scalars, ruts, body, noise):
         per_slip = slope[0] * fastest
         # Slip errs by the wheel speed's error, too, as far as pulses leave one.
         blurred = noise.pulse > 0.0
-        by_pulses = per_slip**2 * kept[OMEGA_VARIANCE] / omega**2 if blurred else 0.0
+        by_pulses = (per_slip * radius / fastest) ** 2 * kept[OMEGA_VARIANCE] if blurred else 0.0
         innovation = kept[MOMENT] - expected
         unsettled = 1.0 + START_DOUBT * math.exp(-travelled / (START_LENGTH * radius))
         past = travelled - kept[HELD_UNTIL]
