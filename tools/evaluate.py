@@ -43,6 +43,9 @@ ROOT = Path(__file__).resolve().parents[1]
 
 VEHICLE = 'tractor_4wd'
 SOIL = 'sandy_loam_chrono'
+METHOD = 'ekf'
+"""Kalman filter of the trials: the quickest; section 5 of the report compares them."""
+
 LAG = 0.2
 """What the controls take the drive's lag for, s: the middle of what is drawn."""
 
@@ -132,7 +135,7 @@ def control(controller, mode=Mode.HOLD, target=trial.TARGET):
 def estimation(controller, pulses_per_turn):
     """What a controller sees: an estimation that knows the nominal vehicle and its sensors."""
     vehicle, soil = _nominal()
-    return None if controller.truth else SlipEstimation(vehicle, soil)
+    return None if controller.truth else SlipEstimation(vehicle, soil, method=METHOD)
 
 
 def run_draws(controller, draws, quiet=True):
@@ -597,7 +600,7 @@ def time_steps(every):
 
         times[controller.text] = evaluate_estimation.step_time(step)
         rows.append([controller.text, f'{1e6 * times[controller.text]:.0f}'])
-    sees = SlipEstimation(vehicle, soil)
+    sees = SlipEstimation(vehicle, soil, method=METHOD)
     speeds = np.array(rims) / [wheel.radius for wheel in vehicle.wheels]
     t = 0.0
 
@@ -718,6 +721,7 @@ def main(arguments=None):
         error=f'{trial.LARGEST_ERROR:g}',
         runaway=f'{trial.RUNAWAY:g}',
         lag=f'{LAG:g}',
+        method=METHOD.upper(),
         tuning=len(tuning),
         tried=len(pi_gains[0]) * len(pi_gains[1]),
         fixed_pi=gains_text(best, tuned),
