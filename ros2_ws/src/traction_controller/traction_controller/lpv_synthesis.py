@@ -23,7 +23,7 @@ R. J. Adams, "Advanced gain-scheduling techniques for uncertain systems", IEEE T
 Systems Technology 6, 1998.
 
 **Proof.** With the gains as they are interpolated, P(p, f, lag) and upper bounds U on all that P
-can become within a sample, on a grid twice as dense and for all errors of the pole:
+can become within a sample, on a finer grid and for all errors of the pole:
 
     [ P - A'*U*A   -A'*U*E         C'  ]
     [ .            g*I - E'*U*E    0   ]  >= 0,    P(after every move) <= U
@@ -66,8 +66,8 @@ _SIZES = (5.0, 1.0, 0.5, 3.0)
 _EDGE = 1e-6
 # Margin that the proof keeps where it looks, for what is in between.
 _KEPT = 0.008
-# Parts of each step of the grid of poles, and of the range of lags, that the proof looks at. Over
-# the error of stiffness the points of the grid suffice: in between margins are larger.
+# Parts of each step of the grid of poles, and of the range of lags, that the proof looks at;
+# steps of the error of stiffness it halves.
 _POLE_PARTS = 4
 _LAG_PARTS = 6
 # By how much performance is given up so that the inequalities hold in between, tried in turn.
@@ -284,9 +284,10 @@ def _proof_at(design: LoopDesign, gains: Array, d: int) -> tuple[Array, Array]:
     beyond = math.log(design.largest_pole / design.poles[-1]) / design.step
     places = [k / _POLE_PARTS for k in range(_POLE_PARTS * (poles - 1) + 1)]
     places += [poles - 1 + beyond * share for share in _BEYOND if beyond > 0]
-    constraints = []
+    # Where none of these gains is used, nothing is needed.
+    constraints = [performance >= 0]
     for place, error, lag in itertools.product(
-        places, range(errors), np.linspace(0.0, 1.0, _LAG_PARTS + 1)
+        places, np.arange(0.0, errors - 0.5, 0.5), np.linspace(0.0, 1.0, _LAG_PARTS + 1)
     ):
         cell = _shares(place, poles), _shares(error, errors), d, _shares(lag, 2)
         here, later = _interpolated(P, *cell), _interpolated(U, *cell)
