@@ -89,7 +89,7 @@ def test_a_smaller_gamma_is_refused(certificate):
 def test_a_lyapunov_matrix_that_is_not_positive_definite_is_refused(certificate):
     lyapunov = np.array(certificate.lyapunov)
     lyapunov[1, 0, 0, 0, 0] *= -1.0
-    with pytest.raises(CertificateError, match='Lyapunov matrix at slip pole .* not pos'):
+    with pytest.raises(CertificateError, match=r'Lyapunov matrix at slip pole .* not pos'):
         check(changed(certificate, lyapunov=lyapunov.tolist()))
 
 
@@ -121,7 +121,7 @@ def test_a_file_changed_within_what_holds_is_refused_by_its_digest(path, key):
     else:
         part[1] *= 1 + 1e-9
     path.write_text(yaml.safe_dump(content))
-    with pytest.raises(GainTableError, match='gains.yaml: the digest does not fit'):
+    with pytest.raises(GainTableError, match=r'gains.yaml: the digest does not fit'):
         read_gain_table(path)
 
 
@@ -129,12 +129,12 @@ def test_a_file_with_a_gain_changed_is_refused_by_what_it_breaks(path):
     content = yaml.safe_load(path.read_text())
     content['certificate']['gains'][1][1] *= -1.0
     path.write_text(yaml.safe_dump(content))
-    with pytest.raises(GainTableError, match='gains.yaml: the certificate does not hold'):
+    with pytest.raises(GainTableError, match=r'gains.yaml: the certificate does not hold'):
         read_gain_table(path)
 
 
 def test_another_period_is_refused(path):
-    with pytest.raises(GainTableError, match='period of 0.01 s, the controller has 0.02 s'):
+    with pytest.raises(GainTableError, match=r'period of 0.01 s, the controller has 0.02 s'):
         read_gain_table(path, RIG, 0.02)
 
 
@@ -156,7 +156,7 @@ def test_wheels_that_the_certificate_does_not_cover_are_refused(tmp_path, certif
 @pytest.mark.parametrize(
     ('text', 'message'),
     [
-        ('format: traction gain table 1\nvehicel: rig\n', "vehicel: unknown key; did you mean"),
+        ('format: traction gain table 1\nvehicel: rig\n', 'vehicel: unknown key; did you mean'),
         ('[1, 2]\n', 'expected a mapping'),
         ('format: !!python/object/apply:os.getcwd []\n', 'not valid YAML'),
     ],

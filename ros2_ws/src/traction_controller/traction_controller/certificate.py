@@ -176,9 +176,9 @@ class Certificate(Definition):
     design : LoopDesign
         What they are for.
     gains : tuple of tuple of float
-        At every one of `LoopDesign.gain_poles`: on slip, over the torque scale; on torque, 1; on the integral
-        of the slip error, over the torque scale, 1/s; on the commands sent 1, 2 ... samples ago,
-        1. All as changes, see `traction_controller.gain_table`.
+        At every one of `LoopDesign.gain_poles`: on slip, over the torque scale; on torque, 1; on
+        the integral of the slip error, over the torque scale, 1/s; on the commands sent 1, 2 ...
+        samples ago, 1. All as changes, see `traction_controller.gain_table`.
     performance : tuple of float
         At every one of these gamma or the cost, dimensionless.
     lyapunov : nested tuples of float
@@ -199,8 +199,11 @@ class Certificate(Definition):
         for name, value, shape in (
             ('gains', self.gains, (rows, design.n_gains)),
             ('performance', self.performance, (rows,)),
-            ('lyapunov', self.lyapunov,
-             (poles, len(design.powers), len(design.delay_range), 2, s * (s + 1) // 2)),
+            (
+                'lyapunov',
+                self.lyapunov,
+                (poles, len(design.powers), len(design.delay_range), 2, s * (s + 1) // 2),
+            ),
         ):
             try:
                 found = np.shape(value)
@@ -348,7 +351,9 @@ def margins(certificate: Certificate, density: int = 1) -> Margins:
             f'delay {design.delay_range[d]} samples and lag {design.lags[lag_row]} s is not '
             f'positive definite (least eigenvalue {least_eigenvalues[k, f, d, lag_row]:.3g})'
         )
-    powers = np.linspace(-design.error_steps, design.error_steps, 2 * design.error_steps * density + 1)
+    powers = np.linspace(
+        -design.error_steps, design.error_steps, 2 * design.error_steps * density + 1
+    )
     shares = np.linspace(0, 1, density + 1)
     lags = np.array([design.lag_at(share) for share in shares])
     # On the grid of the synthesis a move goes over into the next cell, and the corners of each
@@ -364,13 +369,17 @@ def margins(certificate: Certificate, density: int = 1) -> Margins:
         power, lag, pole_error, vertex = (
             part.ravel()
             for part in np.meshgrid(
-                powers, np.arange(len(lags)), design.pole_errors, np.arange(len(vertices)), indexing='ij'
+                powers,
+                np.arange(len(lags)),
+                design.pole_errors,
+                np.arange(len(vertices)),
+                indexing='ij',
             )
         )
         row = lag.astype(int)
         values = _contractions(
-            certificate, P[:, :, delay - design.delays[0]], pole, delay, power, lags[row], shares[row], pole_error,
-            vertices[vertex.astype(int)],
+            certificate, P[:, :, delay - design.delays[0]], pole, delay, power, lags[row],
+            shares[row], pole_error, vertices[vertex.astype(int)],
         )  # fmt: skip
         points += len(values)
         worst = int(np.argmin(values)) if np.all(np.isfinite(values)) else 0
