@@ -305,27 +305,16 @@ def test_tachometer_of_one_wheel(tractor, field):
     assert field.set_parameter(NODE, 'grouping', 'wheel') == ''
 
 
-def test_law_lpv_needs_a_table(field):
-    assert field.set_parameter(NODE, 'law', 'lpv') == 'law lpv needs a gain_table'
-
-
-SHIPPED = sorted(
-    Path(get_package_share_directory('traction_controller'), 'config', 'gains').glob('*.yaml')
-)
-
-
-@pytest.mark.skipif(not SHIPPED, reason='no gain table is shipped')
-@pytest.mark.parametrize('table', SHIPPED, ids=lambda path: path.stem)
-def test_law_lpv_with_a_table_by_name(table):
+def test_law_lpv_with_the_table_of_the_vehicle():
     tractor_4wd = load_vehicle('tractor_4wd')
-    tables = read_gain_table(table, tractor_4wd, 0.01)
+    share = Path(get_package_share_directory('traction_controller'))
+    tables = read_gain_table(share / 'config' / 'gains' / 'tractor_4wd.yaml', tractor_4wd, 0.01)
     # Until the terrain is known, stiffness counts as 5 static loads.
     gains = [
         tables[name].at(2.0, 5.0 * float(load))[:3]
         for name, load in zip(WHEELS, tractor_4wd.static_loads(), strict=True)
     ]
-    params = {'law': 'lpv', 'gain_table': table.stem}
-    with controller('lpv', autostart=True, **params), Probe('lpv') as probe:
+    with controller('lpv', autostart=True, law='lpv'), Probe('lpv') as probe:
         probe.diagnostics(f'lpv/{NODE}')
         probe.wait_for_diagnostic(f'lpv/{NODE}', 'waiting for slip_estimate')
         tractor = Tractor(probe)
@@ -448,7 +437,10 @@ def test_parameter_refused_at_run_time(field, name, value, reason):
 @pytest.mark.parametrize(
     ('params', 'reason'),
     [
-        ({'law': 'lpv'}, 'law lpv needs a gain_table'),
+        (
+            {'gain_table': 'tracter_4wd'},
+            "unknown gain table 'tracter_4wd'; did you mean 'tractor_4wd'?",
+        ),
         (
             {'law': 'lqg'},
             'parameter "law" = \'lqg\' is not one of pi, scheduled_pi, sliding_mode, lqi, lpv',

@@ -32,17 +32,18 @@ _THRUST_AGE = 0.5
 _SET_POINT_PERIOD = 1.0
 
 
-def _table_path(name):
-    """Path of a gain table: one that is shipped, by its name, or a file."""
+def _gain_table(p):
+    """Path of the gain table: a file, or one that is shipped, else that of the vehicle, if any."""
+    name = p.gain_table
     if Path(name).suffix in ('.yaml', '.yml'):
         return Path(name)
     folder = Path(get_package_share_directory('traction_controller'), 'config', 'gains')
     shipped = {path.stem: path for path in folder.glob('*.yaml')}
-    if name not in shipped:
+    if name and name not in shipped:
         raise ValueError(
             f"unknown gain table '{name}'{closest(name, shipped)}; or give the path of a .yaml"
         )
-    return shipped[name]
+    return shipped.get(name or p.vehicle)
 
 
 def _names(kind):
@@ -68,7 +69,7 @@ class SlipControllerNode(TractionLifecycleNode):
         ),
         Parameter('law', 'lqi', 'control law', choices=LAWS),
         Parameter('gain_table', '', 'gain table of the law lpv: one that is shipped, or the path '
-                  'of a YAML file', read_only=True),
+                  'of a YAML file; none: that of the vehicle, if one is shipped', read_only=True),
         Parameter('grouping', 'wheel', 'which wheels are controlled as one: one engine drives '
                   'all of a vehicle', choices=_names(Grouping)),
         Parameter('differential', 'open', 'whether the wheels of a group turn alike',
@@ -134,10 +135,8 @@ class SlipControllerNode(TractionLifecycleNode):
             if entries not in (1, wheels):
                 raise ValueError(f'{name} has {entries} entries for {wheels} wheels')
         driven_axles(vehicle, p.driven_axles)
-        if p.gain_table:
-            _table_path(p.gain_table)
-        elif p.law == 'lpv':
-            raise ValueError('law lpv needs a gain_table')
+        if _gain_table(p) is None and p.law == 'lpv':
+            raise ValueError(f'law lpv needs a gain_table: none is shipped for {p.vehicle}')
         if p.set_point != 'none':
             load_soil(p.soil)
             if p.set_point_low > p.set_point_high:
@@ -183,8 +182,9 @@ class SlipControllerNode(TractionLifecycleNode):
                 'weights': ControlWeights(p.weight_slip, p.weight_integral_time, p.weight_torque)
             },
         }
-        if p.gain_table:
-            tables = read_gain_table(_table_path(p.gain_table), vehicle, 1.0 / p.rate)
+        table = _gain_table(p)
+        if table is not None:
+            tables = read_gain_table(table, vehicle, 1.0 / p.rate)
             settings['lpv'] = {'gain_table': tables}
         self._given = p.slip_target, TargetSource.PARAMETER
         self._control = SlipControl(
