@@ -6,13 +6,15 @@ only the times. A step has 100 us on one core, and a million of them must leave 
 
 import gc
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
+from ament_index_python.packages import get_package_share_directory
 
 from traction_controller.control_law import LAWS
 from traction_controller.driveline import Differential, Grouping
-from traction_controller.lqi_law import LqiLaw
+from traction_controller.gain_table import read_gain_table
 from traction_controller.slip_control import SlipControl
 from traction_model.simulate import Drawbar, Plant
 from traction_model.soil import load_soil
@@ -26,13 +28,13 @@ STEPS = 1_000_000
 
 TRACTOR = load_vehicle('tractor_4wd')
 LOADS = [float(load) for load in TRACTOR.static_loads()]
-# Whose gains they are makes no difference to the time.
-TABLE = LqiLaw(TRACTOR.wheels[3], LOADS[3], slip=0.2, lag=0.1, dt=0.01).schedule
+SHARE = Path(get_package_share_directory('traction_controller'))
+TABLES = read_gain_table(SHARE / 'config' / 'gains' / 'tractor_4wd.yaml', TRACTOR, 0.01)
 
 
 def controller(law, grouping=Grouping.WHEEL, differential=Differential.OPEN):
     return SlipControl(
-        TRACTOR, 0.2, law=law, settings={'lpv': {'gain_table': TABLE}}, grouping=grouping,
+        TRACTOR, 0.2, law=law, settings={'lpv': {'gain_table': TABLES}}, grouping=grouping,
         differential=differential, torque_rate=[15000.0, 15000.0, 40000.0, 40000.0],
     )  # fmt: skip
 

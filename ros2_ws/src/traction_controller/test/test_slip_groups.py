@@ -337,6 +337,30 @@ def test_changes_that_change_nothing_are_none(control):
     assert control.change_count == count
 
 
+def test_settings_of_each_wheel():
+    strong, weak = Constant(2e5), Constant(1e5)
+    tables = {'fl': strong, 'fr': weak, 'rl': strong, 'rr': weak}
+    control = SlipControl(TRACTOR, 0.2, law='lpv', settings={'lpv': {'gain_table': tables}})
+    torques = [outcome.torque for outcome in step(control, 0.1, 9000.0)]
+    # One step of integral action on an error of 0.1.
+    assert torques == pytest.approx([200.0, 100.0, 200.0, 100.0])
+    del tables['rr']
+    with pytest.raises(
+        ValueError, match="gain_table of control law 'lpv' has nothing for wheel 'rr'"
+    ):
+        SlipControl(TRACTOR, 0.2, law='lpv', settings={'lpv': {'gain_table': tables}})
+
+
+class Constant:
+    """A gain table with nothing but a gain on the integral."""
+
+    def __init__(self, integral):
+        self.integral = integral
+
+    def at(self, rim_speed, stiffness):
+        return 0.0, 0.0, self.integral
+
+
 def test_refused_changes_leave_everything(control):
     with pytest.raises(ValueError, match="unknown control law 'lqr'; did you mean 'lqi'"):
         control.set_law('lqr')

@@ -1,13 +1,14 @@
 """Slip control on soil: every law, grouping and differential on the contact form, no estimator."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from traction_controller.control_law import LAWS
 from traction_controller.driveline import Differential, Grouping
-from traction_controller.lqi_law import LqiLaw
+from traction_controller.gain_table import read_gain_table
 from traction_controller.slip_control import Mode, SlipControl
 from traction_model.contact import shear_deficit
 from traction_model.simulate import Drawbar, Plant
@@ -16,14 +17,13 @@ from traction_model.terrain import Terrain
 from traction_model.vehicle import load_vehicle
 
 TRACTOR = load_vehicle('tractor_4wd')
-LOADS = [float(load) for load in TRACTOR.static_loads()]
 RADII = np.array([wheel.radius for wheel in TRACTOR.wheels])
 PATCH = Terrain([load_soil('sandy_loam_chrono'), load_soil('soft_patch_chrono')], [8.0])
 DT, LAG = 0.01, 0.1
 # Full throttle: more than rear wheels in the ruts of the front ones can use at 20 % slip.
 REQUEST = np.array([2400.0, 2400.0, 9000.0, 9000.0])
-# A table for the law lpv, of the regulator's gains for a rear wheel and none on commands.
-TABLE = LqiLaw(TRACTOR.wheels[3], LOADS[3], slip=0.2, lag=LAG, dt=DT).schedule
+GAINS = Path(__file__).resolve().parents[1] / 'config' / 'gains' / 'tractor_4wd.yaml'
+TABLES = read_gain_table(GAINS, TRACTOR, DT)
 
 
 def stiffnesses(plant):
@@ -84,7 +84,7 @@ def onto_the_patch(control, *, locked=(), pull=13000.0, shaft=True):
 
 
 def settings(law):
-    return {'lpv': {'gain_table': TABLE}} if law == 'lpv' else None
+    return {'lpv': {'gain_table': TABLES}} if law == 'lpv' else None
 
 
 @pytest.mark.parametrize('mode', list(Mode))

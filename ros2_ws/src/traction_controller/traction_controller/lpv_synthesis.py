@@ -266,17 +266,25 @@ def _gains(design: LoopDesign) -> Array:
 
 def _proof(design: LoopDesign, gains: Array) -> tuple[Array, Array]:
     """Second step: performance by `gain_poles`; P by `poles`, stiffness error, delay and lag."""
-    # The delay stays as it is, so each has a proof of its own.
-    found = [_proof_at(design, gains, d) for d in range(len(design.delay_range))]
-    performance = np.max([performance for performance, _ in found], axis=0)
-    return performance, np.stack([P for _, P in found], axis=2)
+    # What stays as it is, whatever it is, has a proof of its own each: delay and, where it does
+    # not move, the error of stiffness.
+    errors = range(len(design.powers))
+    groups = [list(errors)] if design.error_rate else [[f] for f in errors]
+    performance = np.zeros(len(gains))
+    P = np.zeros(
+        (len(design.poles), len(errors), len(design.delay_range), 2, *[design.n_states] * 2)
+    )
+    for d, group in itertools.product(range(len(design.delay_range)), groups):
+        needed, P[:, group, d] = _proof_at(design, gains, d, group)
+        performance = np.maximum(performance, needed)
+    return performance, P
 
 
-def _proof_at(design: LoopDesign, gains: Array, d: int) -> tuple[Array, Array]:
-    """Performance (rows,) and P (poles, errors, 2, s, s) at one delay."""
+def _proof_at(design: LoopDesign, gains: Array, d: int, group: list[int]) -> tuple[Array, Array]:
+    """Performance (rows,) and P (poles, errors, 2, s, s) at one delay and some errors."""
     cp = _cvxpy()
     s, poles, errors = design.n_states, len(design.poles), len(design.powers)
-    points = [point for point in _points(design) if point[2] == d]
+    points = [point for point in _points(design) if point[2] == d and point[1] in group]
     P = {point: cp.Variable((s, s), symmetric=True) for point in points}
     U = {point: cp.Variable((s, s), symmetric=True) for point in points}
     performance = cp.Variable(len(gains))
@@ -284,9 +292,10 @@ def _proof_at(design: LoopDesign, gains: Array, d: int) -> tuple[Array, Array]:
     beyond = math.log(design.largest_pole / design.poles[-1]) / design.step
     places = [k / _POLE_PARTS for k in range(_POLE_PARTS * (poles - 1) + 1)]
     places += [poles - 1 + beyond * share for share in _BEYOND if beyond > 0]
-    constraints = []
+    # Where none of these gains is used, nothing is needed.
+    constraints = [performance >= 0]
     for place, error, lag in itertools.product(
-        places, range(errors), np.linspace(0.0, 1.0, _LAG_PARTS + 1)
+        places, group, np.linspace(0.0, 1.0, _LAG_PARTS + 1)
     ):
         cell = _shares(place, poles), _shares(error, errors), d, _shares(lag, 2)
         here, later = _interpolated(P, *cell), _interpolated(U, *cell)
@@ -323,7 +332,7 @@ def _proof_at(design: LoopDesign, gains: Array, d: int) -> tuple[Array, Array]:
             constraints.append(inequality >> _EDGE * np.eye(inequality.shape[0]))
     _solve(cp, cp.sum(performance) / len(gains), constraints)
     found = unscaled @ np.array([P[point].value for point in points]) @ unscaled
-    return np.asarray(performance.value), found.reshape(poles, errors, 2, s, s)
+    return np.asarray(performance.value), found.reshape(poles, len(group), 2, s, s)
 
 
 def _solve(cp: Any, objective: Any, constraints: list[Any]) -> None:

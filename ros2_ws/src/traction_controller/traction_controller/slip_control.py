@@ -136,8 +136,8 @@ class SlipControl:
     law : str
         Name of the control law, see `traction_controller.control_law.LAWS`.
     settings : mapping of str, optional
-        Settings of laws: for each name of a law its arguments by name, in their own units; an
-        argument that differs from wheel to wheel as a mapping by the wheels' names.
+        Settings of laws: for each name of a law its arguments by name, in their own units; a
+        mapping in place of an argument has that of every wheel, by the wheel's name.
     hold_torque : float or sequence of float
         Largest torque in HOLD of every wheel, or of each, N*m, above 0: what the gate lets
         through.
@@ -341,25 +341,29 @@ class SlipControl:
             If there is no such law, or it cannot be made with its settings.
         """
         if law not in self._made:
-            given = self._settings.get(law, {})
-            made = []
-            for name, wheel, load in zip(
-                self.vehicle.wheel_names, self.vehicle.wheels, self._loads, strict=True
-            ):
-                own = {}
-                for key, value in given.items():
-                    if isinstance(value, Mapping):
-                        if name not in value:
-                            raise ValueError(f"{key} of law '{law}' has none for wheel '{name}'")
-                        value = value[name]
-                    own[key] = value
-                made.append(
-                    make_law(
-                        law, wheel, load, slip=self._made_for, lag=self._lag, dt=self._dt,
-                        settings=own,
+            self._made[law] = [
+                make_law(
+                    law, wheel, load, slip=self._made_for, lag=self._lag, dt=self._dt,
+                    settings=self._settings_of(law, name),
+                )
+                for name, wheel, load in zip(
+                    self._names, self.vehicle.wheels, self._loads, strict=True
+                )
+            ]  # fmt: skip
+
+    def _settings_of(self, law: str, wheel: str) -> dict[str, Any]:
+        """Settings of a law for a wheel."""
+        found = {}
+        for key, value in self._settings.get(law, {}).items():
+            if isinstance(value, Mapping):
+                if wheel not in value:
+                    raise ValueError(
+                        f"{key} of control law '{law}' has nothing for wheel '{wheel}', only for "
+                        + ', '.join(value)
                     )
-                )  # fmt: skip
-            self._made[law] = made
+                value = value[wheel]
+            found[key] = value
+        return found
 
     def set_law(self, law: str) -> None:
         """Change the control law; the torque goes on from where it is.

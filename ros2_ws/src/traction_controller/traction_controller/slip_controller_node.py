@@ -2,14 +2,19 @@
 
 import math
 import time
+from pathlib import Path
+
+from ament_index_python.packages import get_package_share_directory
 
 from traction_controller.control_law import LAWS
 from traction_controller.driveline import DRIVEN_AXLES, Differential, Grouping, driven_axles
 from traction_controller.exit_reason import ExitReason
 from traction_controller.gain_schedule import ControlWeights
+from traction_controller.gain_table import read_gain_table
 from traction_controller.set_point import SetPoint
 from traction_controller.slip_control import Degraded, Mode, SlipControl, TargetSource
 from traction_interfaces.msg import ControllerState, SlipEstimate
+from traction_model.definition import closest
 from traction_model.soil import load_soil
 from traction_model.vehicle import load_vehicle
 from traction_node import diagnostic
@@ -25,6 +30,20 @@ _WEIGHTS = ControlWeights()
 _THRUST_AGE = 0.5
 # Time between two updates of the set-point, s.
 _SET_POINT_PERIOD = 1.0
+
+
+def _gain_table(p):
+    """Path of the gain table: a file, or one that is shipped, else that of the vehicle, if any."""
+    name = p.gain_table
+    if Path(name).suffix in ('.yaml', '.yml'):
+        return Path(name)
+    folder = Path(get_package_share_directory('traction_controller'), 'config', 'gains')
+    shipped = {path.stem: path for path in folder.glob('*.yaml')}
+    if name and name not in shipped:
+        raise ValueError(
+            f"unknown gain table '{name}'{closest(name, shipped)}; or give the path of a .yaml"
+        )
+    return shipped.get(name or p.vehicle)
 
 
 def _names(kind):
@@ -49,7 +68,8 @@ class SlipControllerNode(TractionLifecycleNode):
             '', SlipControl.LEAST_TARGET, SlipControl.MOST_TARGET,
         ),
         Parameter('law', 'lqi', 'control law', choices=LAWS),
-        Parameter('gain_table', '', 'gain table of the law lpv', read_only=True),
+        Parameter('gain_table', '', 'gain table of the law lpv: one that is shipped, or the path '
+                  'of a YAML file; none: that of the vehicle, if one is shipped', read_only=True),
         Parameter('grouping', 'wheel', 'which wheels are controlled as one: one engine drives '
                   'all of a vehicle', choices=_names(Grouping)),
         Parameter('differential', 'open', 'whether the wheels of a group turn alike',
@@ -115,8 +135,8 @@ class SlipControllerNode(TractionLifecycleNode):
             if entries not in (1, wheels):
                 raise ValueError(f'{name} has {entries} entries for {wheels} wheels')
         driven_axles(vehicle, p.driven_axles)
-        if p.law == 'lpv' and not p.gain_table:
-            raise ValueError('law lpv needs a gain_table')
+        if _gain_table(p) is None and p.law == 'lpv':
+            raise ValueError(f'law lpv needs a gain_table: none is shipped for {p.vehicle}')
         if p.set_point != 'none':
             load_soil(p.soil)
             if p.set_point_low > p.set_point_high:
@@ -162,11 +182,10 @@ class SlipControllerNode(TractionLifecycleNode):
                 'weights': ControlWeights(p.weight_slip, p.weight_integral_time, p.weight_torque)
             },
         }
-        if p.gain_table:
-            # Here, as it loads what only synthesis needs.
-            from traction_controller.gain_table import read_gain_table
-
-            settings['lpv'] = {'gain_table': read_gain_table(p.gain_table)}
+        table = _gain_table(p)
+        if table is not None:
+            tables = read_gain_table(table, vehicle, 1.0 / p.rate)
+            settings['lpv'] = {'gain_table': tables}
         self._given = p.slip_target, TargetSource.PARAMETER
         self._control = SlipControl(
             vehicle,
