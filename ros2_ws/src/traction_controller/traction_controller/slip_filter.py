@@ -27,7 +27,7 @@ from traction_controller.kalman import forget, line_through, optimal_gain, sprea
 from traction_controller.wheel_contact import quasi_static
 from traction_model.contact import LEAST_TRANSIT_SPEED
 from traction_model.kernel import kernel
-from traction_model.rut import Ruts, press_rut
+from traction_model.rut import press_rut
 from traction_model.slip import is_valid
 from traction_model.vehicle import GRAVITY
 from traction_model.wheel import FRICTION, INERTIA, POSITION, RADIUS, STATIC_LOAD, TRACK, WIDTH
