@@ -23,7 +23,7 @@ R. J. Adams, "Advanced gain-scheduling techniques for uncertain systems", IEEE T
 Systems Technology 6, 1998.
 
 **Proof.** With the gains as they are interpolated, P(p, f, lag) and upper bounds U on all that P
-can become within a sample, on a grid twice as dense and for all errors of the pole:
+can become within a sample, on a finer grid and for all errors of the pole:
 
     [ P - A'*U*A   -A'*U*E         C'  ]
     [ .            g*I - E'*U*E    0   ]  >= 0,    P(after every move) <= U
@@ -66,8 +66,8 @@ _SIZES = (5.0, 1.0, 0.5, 3.0)
 _EDGE = 1e-6
 # Margin that the proof keeps where it looks, for what is in between.
 _KEPT = 0.008
-# Parts of each step of the grid of poles, and of the range of lags, that the proof looks at. Over
-# the error of stiffness the points of the grid suffice: in between margins are larger.
+# Parts of each step of the grid of poles, and of the range of lags, that the proof looks at;
+# steps of the error of stiffness it halves.
 _POLE_PARTS = 4
 _LAG_PARTS = 6
 # By how much performance is given up so that the inequalities hold in between, tried in turn.
@@ -266,25 +266,17 @@ def _gains(design: LoopDesign) -> Array:
 
 def _proof(design: LoopDesign, gains: Array) -> tuple[Array, Array]:
     """Second step: performance by `gain_poles`; P by `poles`, stiffness error, delay and lag."""
-    # What stays as it is, whatever it is, has a proof of its own each: delay and, where it does
-    # not move, the error of stiffness.
-    errors = range(len(design.powers))
-    groups = [list(errors)] if design.error_rate else [[f] for f in errors]
-    performance = np.zeros(len(gains))
-    P = np.zeros(
-        (len(design.poles), len(errors), len(design.delay_range), 2, *[design.n_states] * 2)
-    )
-    for d, group in itertools.product(range(len(design.delay_range)), groups):
-        needed, P[:, group, d] = _proof_at(design, gains, d, group)
-        performance = np.maximum(performance, needed)
-    return performance, P
+    # The delay stays as it is, so each has a proof of its own.
+    found = [_proof_at(design, gains, d) for d in range(len(design.delay_range))]
+    performance = np.max([performance for performance, _ in found], axis=0)
+    return performance, np.stack([P for _, P in found], axis=2)
 
 
-def _proof_at(design: LoopDesign, gains: Array, d: int, group: list[int]) -> tuple[Array, Array]:
-    """Performance (rows,) and P (poles, errors, 2, s, s) at one delay and some errors."""
+def _proof_at(design: LoopDesign, gains: Array, d: int) -> tuple[Array, Array]:
+    """Performance (rows,) and P (poles, errors, 2, s, s) at one delay."""
     cp = _cvxpy()
     s, poles, errors = design.n_states, len(design.poles), len(design.powers)
-    points = [point for point in _points(design) if point[2] == d and point[1] in group]
+    points = [point for point in _points(design) if point[2] == d]
     P = {point: cp.Variable((s, s), symmetric=True) for point in points}
     U = {point: cp.Variable((s, s), symmetric=True) for point in points}
     performance = cp.Variable(len(gains))
@@ -295,7 +287,7 @@ def _proof_at(design: LoopDesign, gains: Array, d: int, group: list[int]) -> tup
     # Where none of these gains is used, nothing is needed.
     constraints = [performance >= 0]
     for place, error, lag in itertools.product(
-        places, group, np.linspace(0.0, 1.0, _LAG_PARTS + 1)
+        places, np.arange(0.0, errors - 0.5, 0.5), np.linspace(0.0, 1.0, _LAG_PARTS + 1)
     ):
         cell = _shares(place, poles), _shares(error, errors), d, _shares(lag, 2)
         here, later = _interpolated(P, *cell), _interpolated(U, *cell)
@@ -332,7 +324,7 @@ def _proof_at(design: LoopDesign, gains: Array, d: int, group: list[int]) -> tup
             constraints.append(inequality >> _EDGE * np.eye(inequality.shape[0]))
     _solve(cp, cp.sum(performance) / len(gains), constraints)
     found = unscaled @ np.array([P[point].value for point in points]) @ unscaled
-    return np.asarray(performance.value), found.reshape(poles, len(group), 2, s, s)
+    return np.asarray(performance.value), found.reshape(poles, errors, 2, s, s)
 
 
 def _solve(cp: Any, objective: Any, constraints: list[Any]) -> None:
