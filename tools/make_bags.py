@@ -146,17 +146,21 @@ class Messages:
         are not known, hence NaN; all else is exact, hence valid.
         """
         s = self._s
-        unknown = np.full(len(s.names), np.nan)
+        n = len(s.names)
+        unknown = np.full(n, np.nan)
         since = slice(max(0, k - TERRAIN_STEP + 1), k + 1)
         return self._types['traction_interfaces/msg/TerrainEstimate'](
             header=self._header(k, 'base_link'),
             wheel_names=s.names,
             max_shear_stress=unknown,
             max_shear_stress_variance=unknown,
+            shear_deformation_modulus=unknown,
+            shear_deformation_modulus_variance=unknown,
             thrust=s.force[since].mean(axis=0),
             slip_stiffness=unknown,
             sinkage=s.sinkage[k],
-            valid=np.ones(len(s.names), dtype=bool),
+            sinkage_variance=np.zeros(n),
+            valid=np.ones(n, dtype=bool),
             motion_resistance=float(s.drawbar[since].mean()),
             motion_resistance_variance=0.0,
         )

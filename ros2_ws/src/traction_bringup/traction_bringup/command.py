@@ -43,6 +43,7 @@ def replay(
     least_speed: Annotated[
         float, typer.Option(help='Do not judge below this rim speed, m/s.', min=0.05)
     ] = 0.3,
+    method: Annotated[str, typer.Option(help='Kalman filter: ukf, ekf or lpv.')] = 'ukf',
 ) -> None:
     """Send a bag through the slip estimator and compare with its ground truth."""
     from traction_bringup.replay import replay as run_replay
@@ -55,6 +56,7 @@ def replay(
             soil,
             settle=settle,
             least_speed=least_speed,
+            method=method,
             progress=lambda share: progress.update(task, completed=share),
         )
     table = Table(title=f'{bag}: slip estimate against ground truth', title_style='bold')

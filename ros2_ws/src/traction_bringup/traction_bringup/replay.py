@@ -1,5 +1,6 @@
 """Replay of a bag through the estimator, compared with the bag's ground truth."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -54,7 +55,11 @@ def replay(
     soil: str = '',
     *,
     settle: float = 2.0,
+    until: float = math.inf,
     least_speed: float = 0.3,
+    method: str = 'ukf',
+    radar_gap: tuple[float, float] | None = None,
+    radar_seed: int | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> ReplayErrors:
     """Send a bag through the estimator and compare slip with ground truth.
@@ -67,8 +72,17 @@ def replay(
         As the estimator takes them; empty for those the bag names.
     settle : float
         Samples before this time are not judged, s.
+    until : float
+        Nor are those after this time, s.
     least_speed : float
         Nor are those with a rim slower than this, m/s.
+    method : {'ukf', 'ekf', 'lpv'}
+        Kalman filter.
+    radar_gap : (float, float), optional
+        From when to when the radar is silent, s.
+    radar_seed : int, optional
+        Radar readings are made anew, from ground truth and noise of this seed as large as the
+        readings say theirs is.
     progress : callable, optional
         Called with the share that is done, 0 to 1.
 
@@ -83,6 +97,8 @@ def replay(
         If the bag cannot be read, lacks a topic, or names no vehicle and none is given.
     DefinitionError
         If vehicle or soil are not known.
+    ValueError
+        If the method is not known.
     """
     with BagReader(path) as bag:
         prefix = vehicle_prefix(bag)
@@ -95,12 +111,17 @@ def replay(
             if not chosen[what]:
                 raise BagError(f'{path}: names no {what}; give --{what}')
         model = load_vehicle(chosen['vehicle'])
-        estimation = SlipEstimation(model, load_soil(chosen['soil']), least_speed=least_speed)
+        estimation = SlipEstimation(
+            model, load_soil(chosen['soil']), least_speed=least_speed, method=method
+        )
         speeds = JointOrder(model.wheel_names, 'wheel_states velocity')
         torques = JointOrder(model.wheel_names, 'wheel_states effort')
         start, end = bag.start, bag.end
         estimates: dict[int, tuple[Array, Array, float]] = {}
         errors, deviations, speed_errors = [], [], []
+        noise = None if radar_seed is None else np.random.default_rng(radar_seed)
+        # Noise of readings that wait for the truth of their time.
+        anew: dict[int, tuple[float, float]] = {}
         for message in bag.messages(sorted(topics)):
             if progress is not None:
                 progress((message.time - start) / max(1, end - start))
@@ -109,7 +130,13 @@ def replay(
             content = message.message
             kind = message.topic.removeprefix(prefix)
             if kind == 'radar':
-                estimation.radar(t, content.twist.twist.linear.x, content.twist.covariance[0])
+                if radar_gap is not None and radar_gap[0] <= t < radar_gap[1]:
+                    continue
+                variance = content.twist.covariance[0]
+                if noise is None:
+                    estimation.radar(t, content.twist.twist.linear.x, variance)
+                else:
+                    anew[ns] = noise.normal(0.0, math.sqrt(variance)), variance
             elif kind == 'wheel_states':
                 names = list(content.name)
                 estimation.wheel_states(
@@ -120,13 +147,17 @@ def replay(
                 estimates = {
                     ns: (estimation.slip.copy(), estimation.slip_variance.copy(), estimation.v)
                 }
-            elif ns in estimates and t >= settle:
-                slip, variance, speed = estimates[ns]
-                rims = np.abs(content.wheel_based_speed)
-                if np.all(rims > least_speed):
-                    errors.append(slip - content.slip)
-                    deviations.append(np.sqrt(variance))
-                    speed_errors.append(speed - content.ground_based_speed)
+            else:
+                if ns in estimates and settle <= t <= until:
+                    slip, variances, speed = estimates[ns]
+                    rims = np.abs(content.wheel_based_speed)
+                    if np.all(rims > least_speed):
+                        errors.append(slip - content.slip)
+                        deviations.append(np.sqrt(variances))
+                        speed_errors.append(speed - content.ground_based_speed)
+                if ns in anew:
+                    error, variance = anew.pop(ns)
+                    estimation.radar(t, content.ground_based_speed + error, variance)
     if not errors:
         raise BagError(f'{path}: nothing to judge after {settle:g} s above {least_speed:g} m/s')
     error = np.array(errors)

@@ -7,18 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from traction_controller.slip_control import ExitReason, LimitStatus, Mode, SlipControl
-from traction_controller.slip_estimation import thrust_curve
-from traction_model.lpv import sampled, slip_dynamics
-from traction_model.simulate import Drawbar, Plant
-from traction_model.soil import load_soil
-from traction_model.terrain import Terrain
-from traction_model.vehicle import GRAVITY, load_vehicle
+from traction_controller.exit_reason import ExitReason, LimitStatus
+from traction_controller.slip_control import Mode, SlipControl
+from traction_model.vehicle import load_vehicle
 
 RIG = load_vehicle('single_wheel_rig')
 TRACTOR = load_vehicle('tractor_4wd')
 LOADS = [float(load) for load in TRACTOR.static_loads()]
-STIFFNESS = [4 * load for load in LOADS]
+STIFFNESS = [4 * load for load in LOADS]  # that of the linear wheels
 # Made once: computing its gains takes a while.
 CONTROL = SlipControl(TRACTOR, 0.2, hold_torque=20000.0)
 DT = 0.01
@@ -70,7 +66,7 @@ def test_request_passes_where_slip_is_below_target(control):
         outcomes = step(control, 0.05, 3000.0, shaft=3000.0)
     assert [outcome.torque for outcome in outcomes] == [3000.0] * 4
     assert all(o.limit_status is LimitStatus.OPERATOR_LIMITED for o in outcomes)
-    assert all(o.exit_reason is ExitReason.NONE for o in outcomes)
+    assert all(o.exit_reason is ExitReason.ALL_CLEAR for o in outcomes)
 
 
 def test_slip_above_target_reduces_torque_of_that_wheel_only(control):
@@ -83,35 +79,6 @@ def test_slip_above_target_reduces_torque_of_that_wheel_only(control):
     assert [outcomes[j].torque for j in (0, 2, 3)] == [3000.0] * 3
 
 
-class LinearWheels:
-    """The linear model that the gains are made for, one per wheel, and its shaft torque."""
-
-    def __init__(self, rim_speed=2.0, lag=0.1):
-        self.state = np.zeros((4, 2))
-        self.models = []
-        for wheel, load, stiffness in zip(TRACTOR.wheels, LOADS, STIFFNESS, strict=True):
-            a, b = slip_dynamics(wheel, load / GRAVITY, rim_speed, stiffness, 0.2)
-            self.models.append(
-                sampled(np.array([[a, b], [0.0, -1 / lag]]), np.array([[0.0], [1 / lag]]), DT)
-            )
-        self.load_torque = 0.0
-
-    def advance(self, torques):
-        # Slip is driven by what torque exceeds the steady moment of the soil by.
-        for j, (a, b) in enumerate(self.models):
-            shifted = self.state[j] - [0.0, self.load_torque]
-            self.state[j] = a @ shifted + b[:, 0] * (torques[j] - self.load_torque)
-            self.state[j] += [0.0, self.load_torque]
-
-    @property
-    def slips(self):
-        return self.state[:, 0].tolist()
-
-    @property
-    def shaft(self):
-        return self.state[:, 1].tolist()
-
-
 def drive(control, wheels, seconds, requests=5000.0):
     history = []
     for _ in range(round(seconds / DT)):
@@ -122,9 +89,9 @@ def drive(control, wheels, seconds, requests=5000.0):
     return np.array(history)
 
 
-def test_hold_reaches_its_target_on_the_linear_model(control):
+def test_hold_reaches_its_target_on_the_linear_model(control, linear_wheels):
     control.mode = Mode.HOLD
-    wheels = LinearWheels()
+    wheels = linear_wheels()
     history = drive(control, wheels, 5.0)
     assert history[-1, 0] == pytest.approx([0.2] * 4, abs=1e-3)
     # No more than a tenth of the step beyond it on the way.
@@ -135,9 +102,9 @@ def test_hold_reaches_its_target_on_the_linear_model(control):
     assert history[-1, 0] == pytest.approx([0.2] * 4, abs=1e-3)
 
 
-def test_change_of_target_is_followed_without_a_bump(control):
+def test_change_of_target_is_followed_without_a_bump(control, linear_wheels):
     control.mode = Mode.HOLD
-    wheels = LinearWheels()
+    wheels = linear_wheels()
     drive(control, wheels, 5.0)
     before = [outcome.torque for outcome in control.outcomes]
     control.set_target(0.1)
@@ -151,9 +118,9 @@ def test_change_of_target_is_followed_without_a_bump(control):
     assert history[-1, 0] == pytest.approx([0.1] * 4, abs=1e-3)
 
 
-def test_change_of_mode_has_no_bump(control):
+def test_change_of_mode_has_no_bump(control, linear_wheels):
     control.mode = Mode.HOLD
-    wheels = LinearWheels()
+    wheels = linear_wheels()
     drive(control, wheels, 5.0)
     held = [outcome.torque for outcome in control.outcomes]
     for mode in (Mode.LIMIT, Mode.HOLD, Mode.LIMIT):
@@ -224,8 +191,8 @@ def test_driving_in_reverse_is_driving_forward_mirrored(control):
 @pytest.mark.parametrize(
     ('arguments', 'reason', 'torque'),
     [
-        ({'slips': 0.1, 'requests': None}, ExitReason.NO_REQUEST, 0.0),
-        ({'slips': 0.9, 'requests': 3000.0, 'rims': 0.2}, ExitReason.SPEED_TOO_LOW, 3000.0),
+        ({'slips': 0.1, 'requests': None}, ExitReason.REMOTE_COMMAND_TIMEOUT, 0.0),
+        ({'slips': 0.9, 'requests': 3000.0, 'rims': 0.2}, ExitReason.VEHICLE_SPEED_TOO_LOW, 3e3),
         ({'slips': 0.9, 'requests': 3e3, 'valid': False}, ExitReason.SLIP_NOT_AVAILABLE, 3e3),
         ({'slips': 0.9, 'requests': -9e2, 'valid': False}, ExitReason.SLIP_NOT_AVAILABLE, -9e2),
     ],
@@ -244,7 +211,7 @@ def test_a_wheel_that_locks_or_turns_backwards_under_braking_is_let_go(control, 
     for _ in range(50):
         outcomes = step(control, -1.0, -6000.0, rims=rim, speed=5.0, shaft=torque)
         torque = outcomes[0].torque
-    assert outcomes[0].exit_reason is ExitReason.NONE
+    assert outcomes[0].exit_reason is ExitReason.ALL_CLEAR
     assert torque == 0.0
 
 
@@ -256,7 +223,7 @@ def test_leaving_control_at_low_speed_gives_the_request_back_bit_by_bit(control)
     torques = []
     for _ in range(51):
         outcome = step(control, 0.6, 3000.0, rims=0.2)[0]
-        assert outcome.exit_reason is ExitReason.SPEED_TOO_LOW
+        assert outcome.exit_reason is ExitReason.VEHICLE_SPEED_TOO_LOW
         torques.append(outcome.torque)
     # The share of what is missing grows by 10 ms / 0.5 s a step: 2 % of 3000 N·m at first.
     assert torques[0] == pytest.approx(60.0)
@@ -276,7 +243,7 @@ def test_hold_gives_no_torque_without_a_request(control):
 def test_hold_torque_of_each_wheel():
     control = SlipControl(RIG, 0.2, Mode.HOLD, hold_torque=[700.0])
     for _ in range(200):
-        [outcome] = control.step(DT, [0.0], [True], [2.0], 2.0, [2e4], [0.0], [1.0])
+        [outcome] = control.step(DT, [0.0], [True], [2.0], 2.0, [2e4], [700.0], [1.0])
     assert outcome.torque == 700.0
     with pytest.raises(ValueError, match='hold_torque has 2 entries for 1 wheels'):
         SlipControl(RIG, 0.2, hold_torque=[700.0, 800.0])
@@ -294,48 +261,6 @@ def test_no_time_no_integral_action(control):
     assert [o.torque for o in step(control, 0.5, 3000.0, dt=0.0)] == [3000.0] * 4
 
 
-def stiffnesses(plant, terrain):
-    """Slip stiffness of every wheel from the plant's own state, as terrain_estimate gives it."""
-    found = []
-    for j, wheel in enumerate(TRACTOR.wheels):
-        place = plant.x + TRACTOR.wheel_positions[j]
-        soil = terrain.soils[int(np.searchsorted(terrain.starts, place, side='right')) - 1]
-        length = wheel.radius * math.acos(1 - max(plant.sinkage[j], 1e-3) / wheel.radius)
-        path = length / soil.shear_deformation_modulus
-        slope = thrust_curve(plant.slip[j], wheel.width * length, path)[1]
-        found.append(plant.max_shear_stress[j] * slope)
-    return found
-
-
-@pytest.mark.parametrize('mode', [Mode.LIMIT, Mode.HOLD])
-def test_slip_on_a_soft_patch_stays_at_its_target(mode):
-    # The contact form's own slip fed back, no estimator: full throttle from loam onto the patch,
-    # with more torque than rear wheels in the ruts of the front ones can use at 20 % slip.
-    control = SlipControl(TRACTOR, 0.2, mode)
-    terrain = Terrain([load_soil('sandy_loam_chrono'), load_soil('soft_patch_chrono')], [8.0])
-    plant = Plant(
-        TRACTOR, terrain, drawbar=Drawbar(13000, 1500, 2.0), torque_time_constant=0.1,
-        max_power=75e3,
-    )  # fmt: skip
-    request = np.array([2400.0, 2400.0, 9000.0, 9000.0])
-    errors, entered = [], None
-    for _ in range(2000):
-        outcomes = control.step(
-            DT, plant.slip, plant.slip_valid, plant.rim_speed.tolist(), plant.v,
-            stiffnesses(plant, terrain), plant.shaft_torque.tolist(),
-            (request * min(1.0, plant.t / 3.0)).tolist(),
-        )  # fmt: skip
-        plant.step([outcome.torque for outcome in outcomes], DT)
-        if plant.x > 8.0 and entered is None:
-            entered = plant.t
-        if entered is not None and plant.t > entered + 2.0:
-            errors.append(np.abs(np.array(plant.slip) - 0.2).tolist())
-    assert entered is not None
-    assert len(errors) > 500
-    # All wheels; the budget of the demo.
-    assert np.percentile(errors, 95) <= 0.03
-
-
 @pytest.mark.parametrize('target', [0.0, -0.1, 0.95, math.nan])
 def test_target_refused(control, target):
     with pytest.raises(ValueError, match=r'slip target must be 0\.01 to 0\.9, got'):
@@ -347,9 +272,3 @@ def test_target_refused(control, target):
 def test_control_refuses(fault):
     with pytest.raises(ValueError, match=f'{fault} must be above 0, got nan'):
         SlipControl(RIG, 0.2, **{fault: math.nan})
-
-
-def test_like_wheels_share_a_schedule():
-    assert CONTROL.schedules[0] is CONTROL.schedules[1]
-    assert CONTROL.schedules[2] is CONTROL.schedules[3]
-    assert CONTROL.schedules[0] is not CONTROL.schedules[2]

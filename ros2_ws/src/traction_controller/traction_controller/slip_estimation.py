@@ -1,44 +1,59 @@
-"""Slip estimation: an extended Kalman filter on speed, resistance and soil strength.
+"""Slip estimation from tachometers, shaft torque, radar and satellite speed.
 
-State, for n wheels: ``x = [v, d, s_1 .. s_n]`` with v the speed over ground, d all that holds
-the vehicle back (drawbar pull, motion resistance, grade, air) and ``s_j = ln(tau_max_j)``,
-which keeps the maximum shear stress positive. Shaft torque and tachometer give the thrust of
-every wheel, ``F_j = (T_j - b_f*omega_j - J_j*omega_j')/r_j``, so that
-
-    v' = (sum_j F_j - d)/m,   d' and s_j' random walks.
-
-Measurements: the radar measures v; every wheel measures ``F_j = tau_max_j*g_j(i_j)`` with the
-thrust curve ``g(i) = A*(1 - kappa(|i|*l/K))`` of Agriculture 2024, 14(3), 499, equations (19)
-and (21). With the radar, the curve's height tau_max is learnt; without, it gives the slip that
-the thrust implies. Only tachometer, torque and radar are used, so the drawbar need not be known.
+The filter itself is `traction_controller.slip_filter`; here are its constructor, its history and
+what is read from it. Measurements belong to their stamp, less the latency of their sensor. A
+speed belongs to the newest reading of the wheels that is not younger than it, and is compared
+with what that reading and its acceleration give for its time. State is kept for every reading of
+the last second: what comes late or out of order is put in its place and all after it is taken in
+again, so that the estimate is the same as if it had come in time.
 """
 
 import math
+from bisect import bisect_right
+from collections import deque
 from dataclasses import dataclass, fields
 from enum import IntEnum
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from traction_model.contact import Form, equilibrium_sinkage, shear_deficit
-from traction_model.kernel import kernel
+from traction_controller.kalman import Method, forget, method_named
+from traction_controller.scheduled_covariance import ScheduledCovariance
+from traction_controller.slip_filter import (
+    ACCELERATION,
+    BY_STRENGTH,
+    CHANGED,
+    DRAWBAR,
+    FIRST_WHEEL,
+    HELD_UNTIL,
+    MEMORY,
+    MOMENT,
+    MOMENT_SLOPE,
+    OMEGA,
+    OMEGA_VARIANCE,
+    PER_WHEEL,
+    RESISTANCE,
+    SCALARS,
+    SINKAGE,
+    SINKAGE_SLOPE,
+    SPEED,
+    START_DOUBT,
+    START_LENGTH,
+    SURPRISE,
+    TIME,
+    TRAVELLED,
+    Body,
+    Noise,
+    begin,
+    doubt_soil,
+    take_in_speed,
+    take_in_wheels,
+)
+from traction_model.contact import Form, equilibrium_sinkage
+from traction_model.rut import Ruts, fresh_ruts
 from traction_model.slip import LEAST_SPEED, is_valid, slip
 from traction_model.soil import Soil
 from traction_model.vehicle import Vehicle
-
-# State: speed, resistance, then the logarithm of each wheel's maximum shear stress.
-SPEED, RESISTANCE, FIRST_WHEEL = range(3)
-
-# Columns of the packed wheels.
-RADIUS, INERTIA, FRICTION, AREA, PATH = range(5)
-
-
-# Standard deviation of ln(tau_max) when nothing is known of a changed soil, and up to which a
-# wheel's curve counts as known.
-CURVE_UNKNOWN = 0.5
-CURVE_KNOWN = 0.15
-# Thrust this many standard deviations off its curve shows that the soil has changed.
-CURVE_GATE = 3.0
 
 
 class Source(IntEnum):
@@ -49,6 +64,13 @@ class Source(IntEnum):
     BLENDED = 3
 
 
+class SpeedSensor(IntEnum):
+    """What measures the speed over ground."""
+
+    RADAR = 0
+    GNSS = 1
+
+
 @dataclass(frozen=True)
 class EstimatorNoise:
     """How far each part of the estimator's model is trusted; all above 0.
@@ -56,27 +78,39 @@ class EstimatorNoise:
     Attributes
     ----------
     acceleration : float
-        Random walk of the resistance, as acceleration, m/s^2 per sqrt(s).
+        Random walk of the drawbar, as acceleration, m/s^2 per sqrt(s).
     speed : float
         Random walk of the speed beyond the model's acceleration, m/s per sqrt(s).
-    strength : float
-        Random walk of ln(tau_max), 1 per sqrt(s).
+    soil : float
+        Random walk of the logarithms of strength, shear deformation modulus and sinkage
+        modulus, 1 per sqrt(s).
+    strength, shear_modulus, sinkage_modulus : float
+        Standard deviation of these logarithms where the soil has changed, dimensionless.
+    nominal : float
+        How much of that the nominal soil is off when the estimate starts, dimensionless.
     thrust : float
-        Standard deviation of a wheel's thrust against its curve, as a share of its static
+        Standard deviation of a wheel's moment over its radius, as a share of its static
         load, dimensionless.
     slip : float
-        Standard deviation of the slip at which a thrust is reached, dimensionless: errors
+        Standard deviation of the slip at which a moment is reached, dimensionless: errors
         of rolling radius and of the curve's shape, which matter most where it is steep.
     wheel_speed : float
-        Standard deviation of a tachometer reading, rad/s.
+        Standard deviation of a reading of a tachometer without pulses, rad/s.
+    wheel_acceleration : float
+        Random walk of the wheel speed, for a tachometer that counts pulses, rad/s per sqrt(s).
     """
 
-    acceleration: float = 0.28
-    speed: float = 0.02
-    strength: float = 0.04
-    thrust: float = 0.04
-    slip: float = 0.07
+    acceleration: float = 0.22
+    speed: float = 0.03
+    soil: float = 0.01
+    strength: float = 0.18
+    shear_modulus: float = 0.6
+    sinkage_modulus: float = 0.9
+    nominal: float = 0.1
+    thrust: float = 0.03
+    slip: float = 0.03
     wheel_speed: float = 0.02
+    wheel_acceleration: float = 0.2
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -85,197 +119,69 @@ class EstimatorNoise:
                 raise ValueError(f'noise {field.name} must be above 0, got {value}')
 
 
-@kernel
-def predict(x, p, impulse, mass, q_speed, q_resistance, q_strength, dt):
-    """Carry the estimate forward in time, in place.
+# Correlation of the logarithms of strength, shear deformation modulus and sinkage modulus from
+# soil to soil: what bears less is weaker, and gives way further until its strength is mobilised.
+CORRELATION = np.array([[1.0, -0.4, 0.5], [-0.4, 1.0, -0.7], [0.5, -0.7, 1.0]])
+# Up to which standard deviation of its logarithm a wheel's tau_max counts as known.
+STRENGTH_KNOWN = 0.15
+# Share of the sinkage that the quasi-static model leaves open, one standard deviation.
+SINKAGE_OPEN = 0.1
+# Least slope of moment over slip, as share of radius and load.
+LEAST_STIFFNESS = 0.05
+
+
+class Reading:
+    """A reading of the wheels, the speeds that belong to it, and the state before it.
 
     Parameters
     ----------
-    x : ndarray, shape (2 + n,)
-        State: m/s, N, ln(Pa).
-    p : ndarray, shape (2 + n, 2 + n)
-        Its covariance, in products of these units.
-    impulse : float
-        Thrust of all wheels over the time, N*s.
-    mass : float
-        kg.
-    q_speed, q_resistance, q_strength : float
-        Process noise, (m/s)^2, N^2 and 1 per second.
-    dt : float
-        Time, s, at least 0.
+    size : int
+        Number of floats of the state.
+    tracks, n : int
+        Number of tracks and of wheels.
     """
-    x[SPEED] += (impulse - x[RESISTANCE] * dt) / mass
-    # Transition: v depends on d; all else stays. Rows, then columns.
-    c = -dt / mass
-    size = x.size
-    for k in range(size):
-        p[SPEED, k] += c * p[RESISTANCE, k]
-    for k in range(size):
-        p[k, SPEED] += c * p[k, RESISTANCE]
-    p[SPEED, SPEED] += q_speed * dt
-    p[RESISTANCE, RESISTANCE] += q_resistance * dt
-    for k in range(FIRST_WHEEL, size):
-        p[k, k] += q_strength * dt
 
-
-@kernel
-def forget(p, entry, variance):
-    """Give up what is known of one entry of the state but its value, in place.
-
-    Parameters
-    ----------
-    p : ndarray, shape (m, m)
-        Covariance, in products of the state's units.
-    entry : int
-        Index of the entry.
-    variance : float
-        Its new variance, in the square of its unit.
-    """
-    p[entry, :] = 0.0
-    p[:, entry] = 0.0
-    p[entry, entry] = variance
-
-
-@kernel
-def take_in(x, p, h, gain, innovation, variance):
-    """Take in one scalar measurement by any gain, in place; the Joseph form suits them all.
-
-    Parameters
-    ----------
-    x : ndarray, shape (m,)
-        State, each entry in its own unit.
-    p : ndarray, shape (m, m)
-        Its covariance, in products of these units.
-    h : ndarray, shape (m,)
-        Derivative of the measurement with respect to the state, in their units.
-    gain : ndarray, shape (m,)
-        Change of state per innovation, in their units.
-    innovation : float
-        Measured minus expected value, in the measurement's unit.
-    variance : float
-        Variance of the measurement, in the square of its unit, above 0.
-    """
-    x += gain * innovation
-    left = np.eye(x.size) - np.outer(gain, h)
-    p[:] = left @ p @ left.T + variance * np.outer(gain, gain)
-
-
-@kernel
-def thrust_curve(slipping, area, path):
-    """Thrust per maximum shear stress, and its slope.
-
-    Parameters
-    ----------
-    slipping : float
-        Slip, -1 to 1.
-    area : float
-        Contact area A, m^2.
-    path : float
-        l/K: contact length over shear deformation modulus, dimensionless.
-
-    Returns
-    -------
-    g, slope : float
-        m^2, and m^2 per unit slip. Odd in slip.
-    """
-    y = abs(slipping) * path
-    kappa = shear_deficit(y)
-    g = math.copysign(area * (1.0 - kappa), slipping)
-    # d(1 - kappa)/dy = (kappa - exp(-y))/y, which tends to 1/2 - y/3.
-    slope = 0.5 - y / 3.0 if y < 1e-4 else (kappa - math.exp(-y)) / y
-    return g, area * path * slope
-
-
-@kernel
-def update_thrusts(x, p, omega, thrust, wheels, variances, slip_deviation, least_speed, measured):
-    """Take in the thrust of every wheel that slips measurably, in place.
-
-    While the speed is measured, a wheel whose curve is not known well, or whose thrust lies
-    far off it (its soil has changed), is used to learn the curve only, with a Schmidt gain.
-
-    Parameters
-    ----------
-    x : ndarray, shape (2 + n,)
-        State: m/s, N, ln(Pa).
-    p : ndarray, shape (2 + n, 2 + n)
-        Its covariance, in products of these units.
-    omega : ndarray, shape (n,)
-        Wheel speeds, rad/s.
-    thrust : ndarray, shape (n,)
-        Thrust from shaft torque, N.
-    wheels : ndarray, shape (n, 5)
-        r, J, b_f, A, l/K of each wheel, SI units.
-    variances : ndarray, shape (n,)
-        Variance of each thrust, N^2.
-    slip_deviation : float
-        Standard deviation of the curve along the slip axis, dimensionless.
-    least_speed : float
-        Speed below which slip is not used, m/s.
-    measured : bool
-        Whether a sensor measures the speed at present.
-    """
-    h = np.zeros(x.size)
-    for j in range(omega.size):
-        rim = wheels[j, RADIUS] * omega[j]
-        v = x[SPEED]
-        if not is_valid(v, rim, least_speed) or v * rim < 0.0:
-            continue
-        entry = FIRST_WHEEL + j
-        heading = 1.0 if rim >= 0.0 else -1.0
-        i = slip(v, rim)
-        g, slope = thrust_curve(i, wheels[j, AREA], wheels[j, PATH])
-        strength = math.exp(x[entry])
-        expected = heading * strength * g
-        # Slip over v: of 1 - v/rim when driving, of rim/v - 1 when braking.
-        slip_per_v = -1.0 / rim if abs(rim) >= abs(v) else -rim / (v * v)
-        h[:] = 0.0
-        h[SPEED] = heading * strength * slope * slip_per_v
-        # A thrust against the slip tells of speed, not of strength.
-        h[entry] = expected if expected * thrust[j] > 0.0 else 0.0
-        innovation = thrust[j] - expected
-        variance = variances[j] + (strength * slope * slip_deviation) ** 2
-        ph = p @ h
-        total = h @ ph + variance
-        learn_only = False
-        if measured:
-            if innovation * innovation > CURVE_GATE**2 * total:
-                forget(p, entry, CURVE_UNKNOWN**2)
-                ph = p @ h
-                total = h @ ph + variance
-                learn_only = True
-            elif p[entry, entry] > CURVE_KNOWN**2:
-                learn_only = True
-        gain = ph / total
-        if learn_only:
-            learnt = gain[entry]
-            gain[:] = 0.0
-            gain[entry] = learnt
-        take_in(x, p, h, gain, innovation, variance)
+    def __init__(self, size: int, tracks: int, n: int) -> None:
+        self.t = 0.0
+        self.omega = np.zeros(n)
+        self.torque = np.zeros(n)
+        # Each: time s, sensor, speed m/s, variance m^2/s^2.
+        self.speeds: list[tuple[float, int, float, float]] = []
+        self.before = np.zeros(size)
+        self.newest = np.zeros(tracks, dtype=np.int64)
 
 
 class SlipEstimation:
-    """Estimates slip, ground speed and soil strength from tachometers, torque and radar.
+    """Estimates slip, ground speed and soil from tachometers, torque and ground speed sensors.
 
     Parameters
     ----------
     vehicle : Vehicle
         The vehicle, SI units.
     soil : Soil
-        Nominal soil: gives contact area and shape of the thrust curve. Its strength is only
-        where the estimate starts.
+        Nominal soil: what is expected until a wheel tells otherwise.
     noise : EstimatorNoise
         How far the model is trusted.
     least_speed : float
         Speed of rim or vehicle below which slip is not valid, m/s, above 0.
     radar_timeout : float
-        Silence after which the ground speed no longer counts as measured, s, above 0.
+        Silence of radar and satellite receiver after which the ground speed no longer counts as
+        measured, s, above 0.
     radar_variance : float
-        Variance of a radar reading that does not state one, m^2/s^2, above 0.
+        Variance of a measured speed that does not state one, m^2/s^2, above 0.
+    method : {'ekf', 'ukf', 'lpv'}
+        Kalman filter: extended, unscented, or with scheduled gains.
+    tachometer_pulses : float
+        Pulses per turn that the tachometers count, at least 0; 0 for an ideal tachometer.
+    radar_latency, gnss_latency : float
+        Time by which stamps are later than what they stamp, s, 0 to 0.5.
+    radar_least_speed : float
+        Speed below which the radar is blind and its readings are none, m/s, at least 0.
 
     Attributes
     ----------
     t : float or None
-        Time of the newest measurement, s; None before the first.
+        Time of the newest reading of the wheels, s; None before the first.
     slip, slip_variance : ndarray, shape (n,)
         Slip of every wheel, -1 to 1, and its variance.
     valid : ndarray of bool, shape (n,)
@@ -284,24 +190,31 @@ class SlipEstimation:
         r*omega, m/s.
     thrust : ndarray, shape (n,)
         Thrust from shaft torque, N.
+
+    Raises
+    ------
+    ValueError
+        Naming what is out of its range.
     """
 
-    # A longer time between readings of the wheels, or between wheels and radar, s, means that
+    # A longer time between readings of the wheels, or between wheels and a speed, s, means that
     # one of them was away or that a clock was set.
     LONGEST_GAP = 0.5
-    # Time constant of the filter that thrust is found with, s: long against the sampling
-    # period, short against the soil.
-    _FILTER = 0.06
+    # How long readings are kept, for those that come late, s.
+    HISTORY = 1.0
     # Innovations beyond this many standard deviations are not believed ...
     _GATE = 5.0
     # ... unless they go on for this long, s: then it is the estimate that is wrong.
     _LONGEST_DISBELIEF = 0.5
-    # Weight of the newest radar reading in the mean innovation, and how large that mean may
-    # grow, in standard deviations of one innovation (a third of which is its own).
+    # Weight of the newest speed in the mean innovation, and how large that mean may grow, in
+    # standard deviations of one innovation (a third of which is its own).
     _SURPRISE_SHARE = 0.2
-    _SURPRISE_LIMIT = 1.0
+    _SURPRISE_LIMIT = 2.0
     # Ground speed is valid up to this standard deviation, m/s.
     _LARGEST_DEVIATION = 0.5
+
+    # Of the sensors of speed: time of the newest, since when one is not believed, mean surprise.
+    _SPEED_T, _DISBELIEVED, _SPEED_SURPRISE = range(SCALARS, SCALARS + 3)
 
     def __init__(
         self,
@@ -311,6 +224,12 @@ class SlipEstimation:
         least_speed: float = LEAST_SPEED,
         radar_timeout: float = 0.5,
         radar_variance: float = 0.0025,
+        *,
+        method: str = 'ukf',
+        tachometer_pulses: float = 0.0,
+        radar_latency: float = 0.0,
+        gnss_latency: float = 0.0,
+        radar_least_speed: float = 0.0,
     ) -> None:
         for name, value in (
             ('least_speed', least_speed),
@@ -319,38 +238,96 @@ class SlipEstimation:
         ):
             if not (math.isfinite(value) and value > 0):
                 raise ValueError(f'{name} must be above 0, got {value}')
+        for name, value, most in (
+            ('tachometer_pulses', tachometer_pulses, math.inf),
+            ('radar_latency', radar_latency, 0.5),
+            ('gnss_latency', gnss_latency, 0.5),
+            ('radar_least_speed', radar_least_speed, math.inf),
+        ):
+            if not (math.isfinite(value) and 0 <= value <= most):
+                raise ValueError(f'{name} must be 0 to {most:g}, got {value}')
         self.vehicle = vehicle
         self.noise = noise
+        self.method = method
         self.least_speed = least_speed
         self.radar_timeout = radar_timeout
         self.radar_variance = radar_variance
-        self._mass = vehicle.mass
+        self.tachometer_pulses = tachometer_pulses
+        self.radar_least_speed = radar_least_speed
+        self._method = int(method_named(method))
+        self._latency = (radar_latency, gnss_latency)
 
+        # A single axle runs in no other's rut.
+        self._wheels = vehicle.packed_wheels(in_ruts=len(vehicle.axles) > 1)
         loads = vehicle.static_loads()
-        rows = []
-        strengths = []
-        for wheel, load in zip(vehicle.wheels, loads, strict=True):
+        cg_x, cg_height = vehicle.centre_of_gravity
+        deviations = np.array([noise.strength, noise.shear_modulus, noise.sinkage_modulus])
+        changed = CORRELATION * np.outer(deviations, deviations)
+        self._body = Body(
+            wheels=self._wheels,
+            soils=np.array([soil.packed(wheel) for wheel in vehicle.wheels]),
+            spread=np.ascontiguousarray(vehicle.load_distribution()),
+            drift=np.eye(PER_WHEEL) * noise.soil**2,
+            changed=changed,
+            mass=float(vehicle.mass),
+            cg_x=float(cg_x),
+            cg_height=float(cg_height),
+            hitch_height=float(vehicle.hitch_height),
+        )
+        self._noise = Noise(
+            speed=noise.speed,
+            drawbar=noise.acceleration * vehicle.mass,
+            moment=noise.thrust,
+            slip=noise.slip,
+            wheel_speed=noise.wheel_speed,
+            wheel_acceleration=noise.wheel_acceleration,
+            pulse=2 * math.pi / tachometer_pulses if tachometer_pulses else 0.0,
+            least_speed=least_speed,
+        )
+        strengths, self._areas, self._lengths = [], [], []
+        for wheel, load, packed in zip(vehicle.wheels, loads, self._body.soils, strict=True):
             z = equilibrium_sinkage(
-                int(Form.CONTACT), 0.0, 0.0, load, soil.packed(wheel), wheel.radius, wheel.width
+                int(Form.CONTACT), 0.0, 0.0, load, packed, wheel.radius, wheel.width
             )
             length = wheel.radius * math.acos(1 - z / wheel.radius)
-            area = wheel.width * length
-            rows.append(
-                [
-                    wheel.radius,
-                    wheel.inertia,
-                    wheel.viscous_friction,
-                    area,
-                    length / soil.shear_deformation_modulus,
-                ]
-            )
-            strengths.append(math.log(soil.max_shear_stress(load / area)))
-        self._wheels = np.array(rows)
+            self._lengths.append(length)
+            self._areas.append(wheel.width * length)
+            strengths.append(soil.max_shear_stress(load / (wheel.width * length)))
         self._strengths = np.array(strengths)
+        self._shear_modulus = float(soil.shear_deformation_modulus)
+        # Until contact is quasi-static, see `traction_controller.slip_filter`.
+        self._settling = 2 * START_LENGTH * math.log(START_DOUBT) * float(self._wheels[:, 0].max())
         # What holds the vehicle back is at first unknown by 0.3 of its weight.
-        self._unknown_resistance = 0.3 * float(loads.sum())
-        self._thrust_variances = (noise.thrust * loads) ** 2
+        self._unknown_drawbar = 0.3 * float(loads.sum())
+
+        self._allot()
+        self._schedule: ScheduledCovariance | None = None
         self.reset()
+        if self._method == Method.LPV:
+            self._schedule = ScheduledCovariance(
+                self._body, self._noise, self.radar_variance, self._unknown_drawbar, noise.nominal
+            )
+
+    def _allot(self) -> None:
+        """Put all that changes into one array, so that it is kept and restored at once."""
+        n = len(self._wheels)
+        m = FIRST_WHEEL + PER_WHEEL * n
+        ruts = fresh_ruts(
+            1 + int(self._wheels[:, -1].max()) if self._wheels[0, -1] >= 0 else 0,
+            float(np.ptp(self.vehicle.wheel_positions)),
+        )
+        shapes = [(m,), (m, m), (n, MEMORY), (SCALARS + 3,), *[ruts.depth.shape] * 3]
+        ends = np.cumsum([math.prod(shape) for shape in shapes])
+        self._state = np.zeros(ends[-1])
+        parts = [
+            part.reshape(shape)
+            for part, shape in zip(np.split(self._state, ends[:-1]), shapes, strict=True)
+        ]
+        self._x, self._p, self._memory, self._scalars = parts[:4]
+        self._fresh = ruts.newest.copy()
+        self._ruts = Ruts(*parts[4:], ruts.newest)
+        self._readings: deque[Reading] = deque()
+        self._spare: list[Reading] = []
 
     @property
     def n_wheels(self) -> int:
@@ -361,16 +338,19 @@ class SlipEstimation:
         """Forget everything measured: at rest, on the nominal soil."""
         n = self.n_wheels
         self.t: float | None = None
-        self._x = np.concatenate([[0.0, 0.0], self._strengths])
-        # Strength unknown by 40 %; speed is found with the first reading of the wheels.
-        self._p = np.diag([1.0, self._unknown_resistance**2, *[0.4**2] * n])
-        self._radar_t = -math.inf
-        self._disbelieved_since: float | None = None
-        self._surprise = 0.0
-        self._smooth_omega = np.zeros(n)
-        self._smooth_drive = np.zeros(n)
-        self._omega = np.zeros(n)
-        self.thrust = np.zeros(n)
+        self._state[:] = 0.0
+        self._ruts.newest[:] = self._fresh
+        # Speed is found with the first reading of the wheels.
+        self._p[SPEED, SPEED] = 1.0
+        self._p[DRAWBAR, DRAWBAR] = self._unknown_drawbar**2
+        for j in range(n):
+            doubt_soil(self._x, self._p, j, self._body.changed * self.noise.nominal**2, False)
+        self._memory[:, HELD_UNTIL] = -1.0
+        self._scalars[CHANGED] = -math.inf
+        self._scalars[self._SPEED_T] = -math.inf
+        self._scalars[self._DISBELIEVED] = math.inf
+        self._spare.extend(self._readings)
+        self._readings.clear()
         self.slip = np.zeros(n)
         self.slip_variance = np.ones(n)
         self.valid = np.zeros(n, dtype=bool)
@@ -394,42 +374,101 @@ class SlipEstimation:
     @property
     def source(self) -> Source:
         """What `v` rests on at present."""
-        silent = self.t is None or self.t - self._radar_t > self.radar_timeout
+        silent = (
+            self.t is None or self.t - self._scalars[self._SPEED_T] > self.radar_timeout + 1e-9
+        )
         return Source.WHEEL if silent else Source.BLENDED
 
     @property
+    def thrust(self) -> NDArray[np.float64]:
+        """Thrust from shaft torque, N, forward positive, shape (n,)."""
+        return np.asarray(self._memory[:, MOMENT] / self._wheels[:, 0])
+
+    @property
     def resistance(self) -> float:
-        """All that holds the vehicle back, N, positive against forward motion."""
-        return float(self._x[RESISTANCE])
+        """All that holds the vehicle back, N, positive against forward motion.
+
+        Motion resistance of the wheels, drawbar, grade and air.
+        """
+        return float(self._x[DRAWBAR] + self._memory[:, RESISTANCE].sum())
 
     @property
     def resistance_variance(self) -> float:
         """Variance of `resistance`, N^2."""
-        return float(self._p[RESISTANCE, RESISTANCE])
+        slope = np.zeros(len(self._x))
+        slope[DRAWBAR] = 1.0
+        slope[FIRST_WHEEL:] = self._memory[:, BY_STRENGTH : BY_STRENGTH + PER_WHEEL].ravel()
+        return float(slope @ self._p @ slope)
+
+    def _factor(self, which: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Logarithm of one of the soil's factors at every wheel, and its variance."""
+        entries = slice(FIRST_WHEEL + which, None, PER_WHEEL)
+        return self._x[entries], np.diag(self._p)[entries]
 
     @property
     def max_shear_stress(self) -> NDArray[np.float64]:
-        """tau_max over the nominal contact area of every wheel, Pa, shape (n,)."""
-        return np.asarray(np.exp(self._x[FIRST_WHEEL:]))
+        """tau_max over the nominal contact area of every wheel, Pa, shape (n,).
+
+        ``c + (W/A)*tan(phi)`` with the static load W and the area A on the nominal soil.
+        """
+        return np.asarray(self._strengths * np.exp(self._factor(0)[0]))
 
     @property
     def max_shear_stress_variance(self) -> NDArray[np.float64]:
         """Variance of `max_shear_stress`, Pa^2, shape (n,)."""
-        return np.asarray(self.max_shear_stress**2 * np.diag(self._p)[FIRST_WHEEL:])
+        return np.asarray(self.max_shear_stress**2 * self._factor(0)[1])
+
+    @property
+    def shear_deformation_modulus(self) -> NDArray[np.float64]:
+        """K of the soil under every wheel, m, shape (n,)."""
+        return np.asarray(self._shear_modulus * np.exp(self._factor(1)[0]))
+
+    @property
+    def shear_deformation_modulus_variance(self) -> NDArray[np.float64]:
+        """Variance of `shear_deformation_modulus`, m^2, shape (n,)."""
+        return np.asarray(self.shear_deformation_modulus**2 * self._factor(1)[1])
+
+    @property
+    def sinkage(self) -> NDArray[np.float64]:
+        """Sinkage of every wheel at which the estimated soil carries its load, m, shape (n,).
+
+        NaN until the wheel has moved.
+        """
+        z = self._memory[:, SINKAGE]
+        return np.where(z > 0, z, np.nan)
+
+    @property
+    def sinkage_variance(self) -> NDArray[np.float64]:
+        """Variance of `sinkage`, m^2, shape (n,); NaN until the wheel has moved."""
+        by_soil = self._memory[:, SINKAGE_SLOPE] ** 2 * self._factor(2)[1]
+        return np.asarray(by_soil + (SINKAGE_OPEN * self.sinkage) ** 2)
 
     @property
     def strength_known(self) -> NDArray[np.bool_]:
-        """Whether each wheel has slipped enough to tell its tau_max to 15 %, shape (n,)."""
-        return np.asarray(np.diag(self._p)[FIRST_WHEEL:] < CURVE_KNOWN**2)
+        """Whether tau_max of each wheel is known to 15 %, shape (n,)."""
+        return np.asarray(self._factor(0)[1] < STRENGTH_KNOWN**2)
 
     @property
     def slip_stiffness(self) -> NDArray[np.float64]:
-        """Slope of thrust over slip at the present slip of every wheel, N, shape (n,)."""
-        slopes = [
-            thrust_curve(i, wheel[AREA], wheel[PATH])[1]
-            for i, wheel in zip(self.slip, self._wheels, strict=True)
-        ]
-        return np.asarray(self.max_shear_stress * slopes)
+        """Slope of thrust over slip at the present slip of every wheel, N, shape (n,).
+
+        At standstill, that at no slip of a flat plate on the estimated soil.
+        """
+        stiffness = (
+            self.max_shear_stress
+            * np.array(self._areas)
+            * np.array(self._lengths)
+            / (2 * self.shear_deformation_modulus)
+        )
+        v = self.v
+        for j, rim in enumerate(self.rim_speed):
+            slope = self._memory[j, MOMENT_SLOPE]
+            if slope != 0.0:
+                # Slip over v: -1/rim when driving, -rim/v^2 when braking.
+                per_slip = abs(rim) if abs(rim) >= abs(v) else v * v / max(abs(rim), 1e-3)
+                load = self._wheels[j, 5]
+                stiffness[j] = max(LEAST_STIFFNESS * load, -slope * per_slip / self._wheels[j, 0])
+        return np.asarray(stiffness)
 
     def wheel_states(self, t: float, omega: ArrayLike, torque: ArrayLike) -> None:
         """Take in a reading of all tachometers and shaft torques.
@@ -437,7 +476,8 @@ class SlipEstimation:
         Parameters
         ----------
         t : float
-            Time of measurement, s.
+            Time of measurement, s. A reading that comes after a younger one is put in its
+            place if it is less than half a second older.
         omega : array_like, shape (n,)
             Wheel speeds, rad/s, forward positive.
         torque : array_like, shape (n,)
@@ -446,47 +486,40 @@ class SlipEstimation:
         Raises
         ------
         ValueError
-            If a number is not finite, their count is not that of the wheels, or time runs
-            backwards; nothing is taken in then.
+            If a number is not finite, their count is not that of the wheels, or the reading is
+            too old; nothing is taken in then.
         """
         omega = self._checked('wheel speed', omega)
         torque = self._checked('shaft torque', torque)
-        dt = self._elapsed(t)
-        if dt > self.LONGEST_GAP:
-            # Whatever happened meanwhile, it is not known.
-            self.reset()
-            dt = 0.0
-        drive = torque - self._wheels[:, FRICTION] * omega
-        radii = self._wheels[:, RADIUS]
-        if self.t is None:
-            self._smooth_omega = omega.copy()
-            self._smooth_drive = drive.copy()
-            self._omega = omega.copy()
-            # Rolling, give or take half of it: the wheels may be slipping already.
-            rim = float(np.median(radii * omega))
-            self._x[SPEED] = rim
-            forget(self._p, SPEED, 1.0 + (0.5 * rim) ** 2)
-            self.thrust = drive / radii
-        elif dt > 0.0:
-            # One and the same filter on torque and on the wheel's acceleration, so that their
-            # difference is the filtered thrust.
-            share = 1.0 - math.exp(-dt / self._FILTER)
-            acceleration = share / dt * (omega - self._smooth_omega)
-            self._smooth_omega += share * (omega - self._smooth_omega)
-            self._smooth_drive += share * (drive - self._smooth_drive)
-            self.thrust = (self._smooth_drive - self._wheels[:, INERTIA] * acceleration) / radii
-        # The impulse needs no filter: a tachometer's errors cancel from reading to reading.
-        impulse = (drive * dt - self._wheels[:, INERTIA] * (omega - self._omega)) / radii
-        self._advance(t, dt, float(np.sum(impulse)))
-        self._omega = omega
-        self.rim_speed = radii * omega
-
-        update_thrusts(
-            self._x, self._p, omega, self.thrust, self._wheels, self._thrust_variances,
-            self.noise.slip, self.least_speed, self.source != Source.WHEEL,
-        )  # fmt: skip
-        if np.max(np.abs(self.rim_speed)) < self.least_speed:
-            self._stand_still()
+        if not math.isfinite(t):
+            raise ValueError(f'time of measurement is not finite: {t}')
+        if self.t is not None:
+            if t < self.t and (self.t - t > self.LONGEST_GAP or t <= self._readings[0].t):
+                raise ValueError(f'time runs backwards: {t:.6f} s after {self.t:.6f} s')
+            if t - self.t > self.LONGEST_GAP:
+                # Whatever happened meanwhile, it is not known.
+                self.reset()
+        reading = (
+            self._spare.pop()
+            if self._spare
+            else Reading(len(self._state), len(self._fresh), self.n_wheels)
+        )
+        reading.t = t
+        reading.omega[:] = omega
+        reading.torque[:] = torque
+        reading.speeds.clear()
+        if self.t is None or t >= self.t:
+            last = self._readings[-1] if self._readings else None
+            if last is not None and last.speeds and last.speeds[-1][0] >= t:
+                self._put(reading)
+            else:
+                self._readings.append(reading)
+                self._take_wheels(reading)
+            self.t = t
+            while self._readings[0].t < t - self.HISTORY and len(self._readings) > 2:
+                self._spare.append(self._readings.popleft())
+        else:
+            self._put(reading)
         self._derive()
 
     def radar(self, t: float, v: float, variance: float) -> bool:
@@ -495,7 +528,7 @@ class SlipEstimation:
         Parameters
         ----------
         t : float
-            Time of measurement, s.
+            Its stamp, s: `radar_latency` later than the measurement.
         v : float
             Speed over ground, m/s, forward positive.
         variance : float
@@ -506,7 +539,8 @@ class SlipEstimation:
         bool
             False where the reading was not believed: more than five standard deviations
             from what is expected. If that goes on for half a second, the estimate is given
-            up for the reading. False too before the first reading of the wheels.
+            up for the reading. False too where it is none, below `radar_least_speed`, and
+            where it is older than all readings of the wheels.
 
         Raises
         ------
@@ -514,101 +548,193 @@ class SlipEstimation:
             If a number is not finite, the variance is negative, or the time is half a second
             or more off that of the wheels; nothing is taken in.
         """
+        return self._speed(SpeedSensor.RADAR, t, v, variance)
+
+    def gnss(self, t: float, v: float, variance: float) -> bool:
+        """Take in a speed over ground from a satellite receiver.
+
+        Parameters
+        ----------
+        t : float
+            Its stamp, s: `gnss_latency` later than the measurement.
+        v : float
+            Speed along the vehicle, m/s, forward positive.
+        variance : float
+            Its variance, m^2/s^2; 0 stands for `radar_variance`.
+
+        Returns
+        -------
+        bool
+            False where the reading was not believed or not used, see `radar`.
+
+        Raises
+        ------
+        ValueError
+            As `radar` does.
+        """
+        return self._speed(SpeedSensor.GNSS, t, v, variance)
+
+    def _speed(self, sensor: SpeedSensor, t: float, v: float, variance: float) -> bool:
         if not math.isfinite(t):
             raise ValueError(f'time of measurement is not finite: {t}')
+        name = sensor.name.lower()
         if not (math.isfinite(v) and math.isfinite(variance) and variance >= 0):
             raise ValueError(
-                f'radar reading {v} m/s with variance {variance} m^2/s^2 is not usable'
+                f'{name} reading {v} m/s with variance {variance} m^2/s^2 is not usable'
             )
         if self.t is None:
             return False
         if abs(t - self.t) > self.LONGEST_GAP:
-            raise ValueError(f'radar reading is {t - self.t:+.3f} s off the wheels in time')
-        variance = variance or self.radar_variance
-        # It counts as of the newest reading of the wheels: the delay of a radar is short against
-        # the changes of speed of a tractor.
-        now = self.t
-        if self._unlikely(v, variance):
-            if self._disbelieved_since is None:
-                self._disbelieved_since = now
-            if now - self._disbelieved_since < self._LONGEST_DISBELIEF:
-                return False
-            self._x[SPEED] = v
-            forget(self._p, SPEED, variance)
-            self._doubt()
+            raise ValueError(f'{name} reading is {t - self.t:+.3f} s off the wheels in time')
+        if sensor is SpeedSensor.RADAR and abs(v) < self.radar_least_speed:
+            return False
+        measured = t - self._latency[sensor]
+        entry = (measured, int(sensor), v, variance or self.radar_variance)
+        place = bisect_right(self._readings, measured, key=lambda reading: reading.t) - 1
+        if place < 0:
+            return False
+        reading = self._readings[place]
+        if place == len(self._readings) - 1 and (
+            not reading.speeds or reading.speeds[-1] <= entry
+        ):
+            reading.speeds.append(entry)
+            believed = self._take_speed(reading, entry)
         else:
-            self._surprise *= 1.0 - self._SURPRISE_SHARE
-            expected = math.sqrt(self.v_variance + variance)
-            self._surprise += self._SURPRISE_SHARE * (v - self.v) / expected
-            if abs(self._surprise) > self._SURPRISE_LIMIT:
-                # Several readings on the same side: the soil has changed.
-                self._doubt()
-            self._measure_speed(v, variance)
-        self._disbelieved_since = None
-        self._radar_t = now
+            at = bisect_right(reading.speeds, entry)
+            reading.speeds.insert(at, entry)
+            believed = self._replay(place, (place, at))
         self._derive()
-        return True
+        return believed
 
-    def _stand_still(self) -> None:
-        """Below the least speed of all wheels: nothing better is known than the slowest rim."""
-        rim = float(self.rim_speed[np.argmin(np.abs(self.rim_speed))])
+    def _put(self, reading: Reading) -> None:
+        """Put a reading of the wheels where it belongs, and take in again what is younger."""
+        place = bisect_right(self._readings, reading.t, key=lambda other: other.t)
+        # There is one before it: the oldest is older than whatever is accepted.
+        before = self._readings[place - 1]
+        first = bisect_right(before.speeds, reading.t, key=lambda entry: entry[0] + 1e-12)
+        reading.speeds.extend(before.speeds[first:])
+        del before.speeds[first:]
+        self._readings.insert(place, reading)
+        self._replay(place - 1)
+
+    def _replay(self, first: int, asked: tuple[int, int] = (-1, -1)) -> bool:
+        """Take in again all from a reading on; tell whether the speed asked for is believed."""
+        self._state[:] = self._readings[first].before
+        self._ruts.newest[:] = self._readings[first].newest
+        answer = False
+        for place in range(first, len(self._readings)):
+            reading = self._readings[place]
+            self._take_wheels(reading)
+            for at, entry in enumerate(reading.speeds):
+                believed = self._take_speed(reading, entry)
+                if (place, at) == asked:
+                    answer = believed
+        return answer
+
+    def _take_wheels(self, reading: Reading) -> None:
+        """Take in a reading of the wheels that is younger than the state."""
+        reading.before[:] = self._state
+        reading.newest[:] = self._ruts.newest
+        if reading is self._readings[0]:
+            begin(
+                reading.t, reading.omega, reading.torque, self._x, self._p, self._memory,
+                self._scalars, self._body, self._noise,
+            )  # fmt: skip
+        elif reading.t > self._scalars[TIME]:
+            if self._schedule is not None:
+                self._load_covariance()
+            take_in_wheels(
+                self._method, reading.t, reading.omega, reading.torque, self._x, self._p,
+                self._memory, self._scalars, self._ruts, self._body, self._noise,
+            )  # fmt: skip
+        rims = self._wheels[:, 0] * self._memory[:, OMEGA]
+        if np.max(np.abs(rims)) < self.least_speed:
+            self._stand_still(float(rims[np.argmin(np.abs(rims))]))
+
+    def _load_covariance(self) -> None:
+        """Take the covariance that belongs to the present speed, slip and silence."""
+        scalars = self._scalars
+        t = scalars[TIME]
+        rims = self._wheels[:, 0] * self._memory[:, OMEGA]
+        mean = float(np.mean([abs(slip(self.v, rim)) for rim in rims]))
+        # A start is as long ago as any other change at least, and leaves the same unknown.
+        if abs(self.v) > self.least_speed and scalars[TRAVELLED] > self._settling / 2:
+            self._schedule.look_up(
+                abs(self.v), mean, t - scalars[self._SPEED_T], t - scalars[CHANGED], self._p
+            )
+
+    def _stand_still(self, rim: float) -> None:
+        """All wheels (nearly) stand: so does the vehicle, unless a sensor says otherwise."""
+        scalars = self._scalars
+        scalars[TRAVELLED] = 0.0
+        self._memory[:, HELD_UNTIL] = -1.0
+        self._memory[:, SURPRISE] = 0.0
         variance = (0.02 + 0.5 * abs(rim)) ** 2
-        if self.source is not Source.WHEEL and self._unlikely(rim, variance):
+        measured = scalars[TIME] - scalars[self._SPEED_T] <= self.radar_timeout + 1e-9
+        if measured and self._unlikely(rim, variance):
             # Wheels that are locked, not a vehicle that stands.
             return
-        self._measure_speed(rim, variance)
+        take_in_speed(self._x, self._p, rim, variance)
         # At rest resistance is whatever thrust is, and says nothing about driving.
-        forget(self._p, RESISTANCE, self._unknown_resistance**2)
+        forget(self._p, DRAWBAR, self._unknown_drawbar**2)
 
     def _unlikely(self, v: float, variance: float) -> bool:
         """Whether a measured speed is too far from the estimate to be believed."""
         return (v - self.v) ** 2 > self._GATE**2 * (self.v_variance + variance)
 
-    def _measure_speed(self, v: float, variance: float) -> None:
-        h = np.zeros(len(self._x))
-        h[SPEED] = 1.0
-        gain = self._p[:, SPEED] / (self.v_variance + variance)
-        take_in(self._x, self._p, h, gain, v - self.v, variance)
+    def _take_speed(self, reading: Reading, entry: tuple[float, int, float, float]) -> bool:
+        """Take in a measured speed that belongs to the newest reading of the wheels taken in."""
+        t, _, v, variance = entry
+        scalars = self._scalars
+        # What it was at the time of the reading.
+        v -= scalars[ACCELERATION] * (t - reading.t)
+        if self._unlikely(v, variance):
+            if math.isinf(scalars[self._DISBELIEVED]):
+                scalars[self._DISBELIEVED] = t
+            if t - scalars[self._DISBELIEVED] < self._LONGEST_DISBELIEF - 1e-9:
+                return False
+            self._x[SPEED] = v
+            forget(self._p, SPEED, variance)
+            self._doubt()
+        else:
+            expected = math.sqrt(self.v_variance + variance)
+            if scalars[TRAVELLED] > self._settling:
+                surprise = (v - self.v) / expected - scalars[self._SPEED_SURPRISE]
+                scalars[self._SPEED_SURPRISE] += self._SURPRISE_SHARE * surprise
+            if abs(scalars[self._SPEED_SURPRISE]) > self._SURPRISE_LIMIT:
+                # Several readings on the same side: the soil or the drawbar has changed.
+                self._doubt()
+            take_in_speed(self._x, self._p, v, variance)
+        scalars[self._DISBELIEVED] = math.inf
+        scalars[self._SPEED_T] = max(scalars[self._SPEED_T], t)
+        return True
 
     def _doubt(self) -> None:
-        """Keep the values of soil strength and resistance, but trust them little."""
-        for entry in range(FIRST_WHEEL, len(self._x)):
-            forget(self._p, entry, CURVE_UNKNOWN**2)
-        forget(self._p, RESISTANCE, self._unknown_resistance**2)
+        """Start from the nominal soil anew, and keep the drawbar, but trust it little."""
+        for j in range(self.n_wheels):
+            doubt_soil(self._x, self._p, j, self._body.changed, False)
+        forget(self._p, DRAWBAR, self._unknown_drawbar**2)
         self._p[SPEED, SPEED] += self.noise.speed**2
-        self._surprise = 0.0
-
-    def _elapsed(self, t: float) -> float:
-        if not math.isfinite(t):
-            raise ValueError(f'time of measurement is not finite: {t}')
-        if self.t is None:
-            return 0.0
-        if t < self.t:
-            raise ValueError(f'time runs backwards: {t:.6f} s after {self.t:.6f} s')
-        return t - self.t
-
-    def _advance(self, t: float, dt: float, impulse: float) -> None:
-        noise = self.noise
-        predict(
-            self._x, self._p, impulse, self._mass,
-            noise.speed**2, (noise.acceleration * self._mass) ** 2, noise.strength**2, dt,
-        )  # fmt: skip
-        self.t = t
+        self._scalars[self._SPEED_SURPRISE] = 0.0
 
     def _derive(self) -> None:
         """Slip of every wheel, with variance and validity, from the present speeds."""
         v, v_variance = self.v, self.v_variance
-        for j, rim in enumerate(self.rim_speed):
+        v_valid = self.v_valid
+        for j in range(self.n_wheels):
+            radius = self._wheels[j, 0]
+            rim = radius * self._memory[j, OMEGA]
+            self.rim_speed[j] = rim
             fastest = max(abs(v), abs(rim), 1e-3)
             self.slip[j] = slip(v, rim)
             # The smaller speed over the larger: an error of either one counts by the other.
-            rim_variance = (self._wheels[j, RADIUS] * self.noise.wheel_speed) ** 2
+            rim_variance = radius**2 * self._memory[j, OMEGA_VARIANCE]
             ratio = min(abs(v), abs(rim)) / fastest
             of_v, of_rim = (1.0, ratio) if abs(rim) >= abs(v) else (ratio, 1.0)
             self.slip_variance[j] = min(
                 1.0, (of_v**2 * v_variance + of_rim**2 * rim_variance) / fastest**2
             )
-            self.valid[j] = is_valid(v, rim, self.least_speed) and self.v_valid
+            self.valid[j] = is_valid(v, rim, self.least_speed) and v_valid
 
     def _checked(self, what: str, values: ArrayLike) -> NDArray[np.float64]:
         array = np.asarray(values, dtype=float)

@@ -3,6 +3,7 @@
 import math
 from dataclasses import fields
 
+from traction_controller.kalman import method_named
 from traction_controller.odometry import PathOdometry
 from traction_controller.slip_estimation import EstimatorNoise, SlipEstimation, Source
 from traction_interfaces.msg import SlipEstimate, TerrainEstimate
@@ -44,7 +45,27 @@ class SlipEstimatorNode(TractionLifecycleNode):
         ),
         Parameter('odometry_rate', 50.0, 'rate of odometry', 'Hz', 1.0, 100.0, read_only=True),
         Parameter(
-            'noise_acceleration', _NOISE.acceleration, 'random walk of the resistance, as '
+            'method', 'ukf', 'Kalman filter: ukf (best), ekf (half the time) or lpv (gains '
+            'computed beforehand)', read_only=True,
+        ),
+        Parameter(
+            'tachometer_pulses', 0.0, 'pulses per turn that the tachometers count; 0: ideal', '',
+            0.0, 1e6, read_only=True,
+        ),
+        Parameter(
+            'radar_latency', 0.0, 'time by which the stamps of radar are late', 's', 0.0, 0.5,
+            read_only=True,
+        ),
+        Parameter(
+            'radar_least_speed', 0.0, 'speed below which the radar is blind', 'm/s', 0.0, 2.0,
+            read_only=True,
+        ),
+        Parameter(
+            'gnss_latency', 0.0, 'time by which the stamps of gnss_velocity are late', 's', 0.0,
+            0.5, read_only=True,
+        ),
+        Parameter(
+            'noise_acceleration', _NOISE.acceleration, 'random walk of the drawbar, as '
             'acceleration', 'm/s²/√s', 1e-4, 100.0, read_only=True,
         ),
         Parameter(
@@ -52,8 +73,24 @@ class SlipEstimatorNode(TractionLifecycleNode):
             1e-4, 10.0, read_only=True,
         ),
         Parameter(
-            'noise_strength', _NOISE.strength, 'random walk of ln(tau_max)', '1/√s', 1e-4, 10.0,
-            read_only=True,
+            'noise_soil', _NOISE.soil, "random walk of the logarithms of the soil's parameters",
+            '1/√s', 1e-4, 10.0, read_only=True,
+        ),
+        Parameter(
+            'noise_strength', _NOISE.strength, 'deviation of ln(tau_max) where soil changes', '',
+            1e-3, 3.0, read_only=True,
+        ),
+        Parameter(
+            'noise_shear_modulus', _NOISE.shear_modulus, 'deviation of ln(K) where soil changes',
+            '', 1e-3, 3.0, read_only=True,
+        ),
+        Parameter(
+            'noise_sinkage_modulus', _NOISE.sinkage_modulus, 'deviation of the logarithm of the '
+            'sinkage modulus where soil changes', '', 1e-3, 3.0, read_only=True,
+        ),
+        Parameter(
+            'noise_nominal', _NOISE.nominal, 'share of these that the nominal soil is off', '',
+            1e-3, 10.0, read_only=True,
         ),
         Parameter(
             'noise_thrust', _NOISE.thrust, 'deviation of thrust from its curve, as share of the '
@@ -64,8 +101,12 @@ class SlipEstimatorNode(TractionLifecycleNode):
             1e-4, 10.0, read_only=True,
         ),
         Parameter(
-            'noise_wheel_speed', _NOISE.wheel_speed, 'deviation of a tachometer reading', 'rad/s',
+            'noise_wheel_speed', _NOISE.wheel_speed, 'deviation of an ideal tachometer', 'rad/s',
             1e-5, 10.0, read_only=True,
+        ),
+        Parameter(
+            'noise_wheel_acceleration', _NOISE.wheel_acceleration, 'random walk of the wheel '
+            'speed between pulses', 'rad/s/√s', 1e-3, 100.0, read_only=True,
         ),
     )  # fmt: skip
 
@@ -73,6 +114,7 @@ class SlipEstimatorNode(TractionLifecycleNode):
         """Refuse definitions that cannot be loaded."""
         load_vehicle(p.vehicle)
         load_soil(p.soil)
+        method_named(p.method)
 
     def configure(self):
         """Build the estimator and its messages."""
@@ -86,6 +128,11 @@ class SlipEstimatorNode(TractionLifecycleNode):
             p.least_speed,
             p.radar_timeout,
             p.radar_variance,
+            method=p.method,
+            tachometer_pulses=p.tachometer_pulses,
+            radar_latency=p.radar_latency,
+            gnss_latency=p.gnss_latency,
+            radar_least_speed=p.radar_least_speed,
         )
         names = list(vehicle.wheel_names)
         self._speeds = JointOrder(names, 'wheel_states velocity')
@@ -94,7 +141,6 @@ class SlipEstimatorNode(TractionLifecycleNode):
         self._slip.header.frame_id = 'base_link'
         self._terrain = TerrainEstimate(wheel_names=names)
         self._terrain.header.frame_id = 'base_link'
-        self._terrain.sinkage = [math.nan] * len(names)
 
         self._publish_slip = self.publisher('slip_estimate').publish
         self._publish_terrain = self.publisher('terrain_estimate').publish
@@ -106,6 +152,7 @@ class SlipEstimatorNode(TractionLifecycleNode):
         self._start_over()
         self.subscription('wheel_states', self._on_wheel_states)
         self.subscription('radar', self._on_radar)
+        self.subscription('gnss_velocity', self._on_gnss)
 
     def _start_over(self):
         """Estimate anew; the distance travelled so far stays."""
@@ -174,28 +221,39 @@ class SlipEstimatorNode(TractionLifecycleNode):
             self._send_odometry(message.header.stamp)
 
     def _on_radar(self, message):
-        if not self.active:
-            return
+        self._on_speed('radar', self._estimation.radar, message)
+
+    def _on_gnss(self, message):
+        self._on_speed('gnss_velocity', self._estimation.gnss, message)
+
+    def _on_speed(self, topic, take_in, message):
         # Before the first wheel_states there is nothing that the speed could belong to.
-        if self._epoch is None:
+        if not self.active or self._epoch is None:
             return
         twist = message.twist
         t = between(self._epoch, message.header.stamp)
         try:
-            believed = self._estimation.radar(t, twist.twist.linear.x, twist.covariance[0])
+            believed = take_in(t, twist.twist.linear.x, twist.covariance[0])
         except ValueError as error:
-            self._refuse('radar', error)
+            self._refuse(topic, error)
             return
-        self._disbelieved = 0 if believed else self._disbelieved + 1
-        self._refused.pop('radar', None)
+        blind = topic == 'radar' and abs(twist.twist.linear.x) < self.p.radar_least_speed
+        self._disbelieved = 0 if believed or blind else self._disbelieved + 1
+        self._refused.pop(topic, None)
 
     def _send_terrain(self, stamp):
         terrain, estimation = self._terrain, self._estimation
         terrain.header.stamp = stamp
         terrain.max_shear_stress = estimation.max_shear_stress.tolist()
         terrain.max_shear_stress_variance = estimation.max_shear_stress_variance.tolist()
+        terrain.shear_deformation_modulus = estimation.shear_deformation_modulus.tolist()
+        terrain.shear_deformation_modulus_variance = (
+            estimation.shear_deformation_modulus_variance.tolist()
+        )
         terrain.thrust = estimation.thrust.tolist()
         terrain.slip_stiffness = estimation.slip_stiffness.tolist()
+        terrain.sinkage = estimation.sinkage.tolist()
+        terrain.sinkage_variance = estimation.sinkage_variance.tolist()
         terrain.valid = estimation.strength_known.tolist()
         terrain.motion_resistance = estimation.resistance
         terrain.motion_resistance_variance = estimation.resistance_variance

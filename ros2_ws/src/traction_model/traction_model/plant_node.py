@@ -198,7 +198,9 @@ class PlantNode(TractionNode):
         terrain.header.frame_id = 'base_link'
         terrain.wheel_names = list(names)
         terrain.max_shear_stress_variance = [0.0] * len(names)
+        terrain.shear_deformation_modulus_variance = [0.0] * len(names)
         terrain.slip_stiffness = [math.nan] * len(names)
+        terrain.sinkage_variance = [0.0] * len(names)
         odometry = self._messages['ground_truth/odometry']
         odometry.header.frame_id = 'odom'
         odometry.child_frame_id = 'base_link'
@@ -284,6 +286,7 @@ class PlantNode(TractionNode):
         if self._due('ground_truth/terrain_estimate', 10.0):
             terrain = self._messages['ground_truth/terrain_estimate']
             terrain.max_shear_stress = plant.max_shear_stress
+            terrain.shear_deformation_modulus = plant.shear_deformation_modulus
             terrain.thrust = plant.thrust.tolist()
             terrain.sinkage = plant.sinkage.tolist()
             terrain.valid = plant.slip_valid

@@ -656,6 +656,15 @@ class Plant:
         return stresses
 
     @property
+    def shear_deformation_modulus(self) -> list[float]:
+        """K of the soil under every wheel, m, n entries."""
+        return [
+            self._terrain.soils[soil_row(self.x + x, self._terrain.starts)]
+            .shear_deformation_modulus
+            for x in self.vehicle.wheel_positions
+        ]
+
+    @property
     def motion_resistance(self) -> float:
         """All that holds the vehicle back, N: soil, drawbar, grade and air."""
         grade = self._model.grades[soil_row(self.x, self._model.starts)]

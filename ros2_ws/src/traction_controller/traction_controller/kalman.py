@@ -1,0 +1,282 @@
+"""Kalman filters for states of which a measurement sees only a few entries.
+
+One interface for all methods. A nonlinear function of the state is handed over as its values at
+a few points; the method chooses the points and finds from the values the function's mean, its
+slope and the variance that a straight line leaves over:
+
+- ``EKF``: a small step along each entry, which gives the derivative;
+- ``UKF``: the cubature points, ``k`` standard deviations' worth of them either way along the
+  columns of the covariance's Cholesky factor. Mean, slope and rest are those of the line that
+  fits the values best (statistical linear regression), which is the unscented transform of the
+  entries concerned with ``lambda = 0``;
+- ``LPV``: the derivative, too; the covariance comes from a table.
+
+Every update is in the Joseph form, which keeps the covariance symmetric and positive whatever
+the gain.
+
+Sources: S. J. Julier and J. K. Uhlmann, Unscented filtering and nonlinear estimation, Proc. IEEE
+92(3), 2004; T. Lefebvre, H. Bruyninckx and J. De Schutter, Comment on "A new method for the
+nonlinear transformation of means and covariances in filters and estimators", IEEE Trans. Autom.
+Control 47(8), 2002; I. Arasaratnam and S. Haykin, Cubature Kalman filters, IEEE Trans. Autom.
+Control 54(6), 2009.
+"""
+
+import math
+from enum import IntEnum
+
+import numpy as np
+
+from traction_model.definition import closest
+from traction_model.kernel import kernel
+
+
+class Method(IntEnum):
+    """Which Kalman filter.
+
+    Attributes
+    ----------
+    EKF
+        Extended: derivatives.
+    UKF
+        Unscented: regression over points as far out as the state is unknown.
+    LPV
+        Covariance scheduled, computed beforehand, and with it the gains.
+    """
+
+    EKF = 0
+    UKF = 1
+    LPV = 2
+
+
+_UKF = int(Method.UKF)
+
+
+def method_named(name: str) -> Method:
+    """Look up a method by its name.
+
+    Parameters
+    ----------
+    name : str
+        ``ekf``, ``ukf`` or ``lpv``.
+
+    Returns
+    -------
+    Method
+        The method.
+
+    Raises
+    ------
+    ValueError
+        Naming the nearest method, if there is none of this name.
+    """
+    names = {method.name.lower(): method for method in Method}
+    if name not in names:
+        raise ValueError(
+            f"unknown method '{name}'{closest(str(name), names)}: it is one of {', '.join(names)}"
+        )
+    return names[name]
+
+
+@kernel
+def propagate(x, p, transition, noise):
+    """Carry state and covariance through a linear transition, in place.
+
+    Parameters
+    ----------
+    x : ndarray, shape (m,)
+        State, each entry in its own unit.
+    p : ndarray, shape (m, m)
+        Its covariance, in products of these units.
+    transition : ndarray, shape (m, m)
+        New state per old state, in their units.
+    noise : ndarray, shape (m, m)
+        Covariance that the transition adds, in products of the units.
+    """
+    x[:] = transition @ x
+    p[:] = transition @ p @ transition.T + noise
+
+
+@kernel
+def forget(p, entry, variance):
+    """Give up what is known of one entry of the state but its value, in place.
+
+    Parameters
+    ----------
+    p : ndarray, shape (m, m)
+        Covariance, in products of the state's units.
+    entry : int
+        Index of the entry.
+    variance : float
+        Its new variance, in the square of its unit.
+    """
+    p[entry, :] = 0.0
+    p[:, entry] = 0.0
+    p[entry, entry] = variance
+
+
+@kernel
+def optimal_gain(p, h, variance, gain):
+    """Gain of a scalar measurement that leaves the least variance.
+
+    Parameters
+    ----------
+    p : ndarray, shape (m, m)
+        Covariance, in products of the state's units.
+    h : ndarray, shape (m,)
+        Measurement per state, in their units.
+    variance : float
+        Variance of the measurement, in the square of its unit, above 0.
+    gain : ndarray, shape (m,)
+        Out: change of state per innovation, in their units.
+
+    Returns
+    -------
+    float
+        Variance of the innovation, in the square of the measurement's unit.
+    """
+    m = h.size
+    total = variance
+    for a in range(m):
+        seen = 0.0
+        for b in range(m):
+            seen += p[a, b] * h[b]
+        gain[a] = seen
+        total += h[a] * seen
+    gain /= total
+    return total
+
+
+@kernel
+def take_in(x, p, h, gain, innovation, variance):
+    """Take in one scalar measurement by any gain, in place, in the Joseph form.
+
+    ``(I - K*h') * P * (I - K*h')' + K*R*K'`` is worked out as
+    ``P - K*(P*h)' - (P*h)*K' + K*(h'*P*h + R)*K'``.
+
+    Parameters
+    ----------
+    x : ndarray, shape (m,)
+        State, each entry in its own unit.
+    p : ndarray, shape (m, m)
+        Its covariance, in products of these units.
+    h : ndarray, shape (m,)
+        Derivative of the measurement with respect to the state, in their units.
+    gain : ndarray, shape (m,)
+        Change of state per innovation, in their units.
+    innovation : float
+        Measured minus expected value, in the measurement's unit.
+    variance : float
+        Variance of the measurement, in the square of its unit, above 0.
+    """
+    m = x.size
+    seen = np.zeros(m)
+    total = variance
+    for a in range(m):
+        for b in range(m):
+            seen[a] += p[a, b] * h[b]
+        total += h[a] * seen[a]
+    for a in range(m):
+        x[a] += gain[a] * innovation
+        for b in range(a + 1):
+            changed = gain[a] * gain[b] * total - gain[a] * seen[b] - seen[a] * gain[b]
+            p[a, b] += changed
+            if a != b:
+                p[b, a] = p[a, b]
+
+
+@kernel
+def spread(method, x, p, entries, steps, root, points):
+    """Choose the points at which a function of a few entries is to be worked out.
+
+    Parameters
+    ----------
+    method : int
+        A `Method`.
+    x : ndarray, shape (m,)
+        State, each entry in its own unit.
+    p : ndarray, shape (m, m)
+        Its covariance, in products of these units.
+    entries : ndarray of int, shape (k,)
+        Indices of the entries that the function depends on.
+    steps : ndarray, shape (k,)
+        Step along each entry for the derivative, in its unit, not 0.
+    root : ndarray, shape (k, k)
+        Out, for `UKF`: Cholesky factor of the entries' covariance, lower triangle.
+    points : ndarray, shape (1 + 2k, k)
+        Out: values of the entries, one point a row, the mean first.
+
+    Returns
+    -------
+    int
+        Number of points: 1 + 2k for `UKF`, else 1 + k.
+    """
+    k = entries.size
+    for a in range(k):
+        points[0, a] = x[entries[a]]
+    if method != _UKF:
+        for a in range(k):
+            points[1 + a, :] = points[0, :]
+            points[1 + a, a] += steps[a]
+        return 1 + k
+    for a in range(k):
+        for b in range(a + 1):
+            rest = p[entries[a], entries[b]]
+            for c in range(b):
+                rest -= root[a, c] * root[b, c]
+            if a == b:
+                root[a, a] = math.sqrt(max(rest, 0.0))
+            else:
+                # An entry that is known exactly has no column of its own.
+                root[a, b] = rest / root[b, b] if root[b, b] > 0.0 else 0.0
+                root[b, a] = 0.0
+    far = math.sqrt(k)
+    for a in range(k):
+        for b in range(k):
+            points[1 + a, b] = points[0, b] + far * root[b, a]
+            points[1 + k + a, b] = points[0, b] - far * root[b, a]
+    return 1 + 2 * k
+
+
+@kernel
+def line_through(method, values, steps, root, slope):
+    """Find mean, slope and what a line leaves over from a function's values at the points.
+
+    Parameters
+    ----------
+    method : int
+        A `Method`; `spread` chose the points by it.
+    values : ndarray, shape (1 + 2k,)
+        The function at the points, in its unit; as many as there are points.
+    steps : ndarray, shape (k,)
+        As `spread` was given, in the entries' units.
+    root : ndarray, shape (k, k)
+        As `spread` left it.
+    slope : ndarray, shape (k,)
+        Out: function per entry, in their units.
+
+    Returns
+    -------
+    mean, rest : float
+        Expected value, in the function's unit, and variance about the line, in its square.
+    """
+    k = slope.size
+    if method != _UKF:
+        for a in range(k):
+            slope[a] = (values[1 + a] - values[0]) / steps[a]
+        return values[0], 0.0
+    mean = 0.0
+    for a in range(2 * k):
+        mean += values[1 + a]
+    mean /= 2 * k
+    total = 0.0
+    for a in range(2 * k):
+        total += (values[1 + a] - mean) ** 2
+    rest = total / (2 * k)
+    # Along the columns of the root the state has unit variance; back to entries by root.T.
+    for a in range(k - 1, -1, -1):
+        along = (values[1 + a] - values[1 + k + a]) / (2.0 * math.sqrt(k))
+        rest -= along * along
+        for b in range(a + 1, k):
+            along -= root[b, a] * slope[b]
+        slope[a] = along / root[a, a] if root[a, a] > 0.0 else 0.0
+    return mean, max(rest, 0.0)
