@@ -199,7 +199,8 @@ def spread(method, x, p, entries, steps, root, points):
     steps : ndarray, shape (k,)
         Step along each entry for the derivative, in its unit, not 0.
     root : ndarray, shape (k, k)
-        Out, for `UKF`: Cholesky factor of the entries' covariance, lower triangle.
+        Out, for `UKF`: Cholesky factor of the entries' covariance, lower triangle, in their
+        units.
     points : ndarray, shape (1 + 2k, k)
         Out: values of the entries, one point a row, the mean first.
 
