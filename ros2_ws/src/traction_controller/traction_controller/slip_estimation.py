@@ -103,7 +103,7 @@ class EstimatorNoise:
     """
 
     acceleration: float = 0.22
-    speed: float = 0.03
+    speed: float = 0.04
     soil: float = 0.01
     strength: float = 0.18
     shear_modulus: float = 0.6
@@ -111,7 +111,7 @@ class EstimatorNoise:
     nominal: float = 0.1
     thrust: float = 0.03
     slip: float = 0.03
-    wheel_speed: float = 0.02
+    wheel_speed: float = 0.005
     wheel_acceleration: float = 0.2
 
     def __post_init__(self) -> None:
