@@ -128,8 +128,8 @@ def test_terrain_and_odometry_come_at_their_rates(drive, field):
 
 def test_slip_from_radar_and_without(drive, field):
     estimate = drive.run(200)
-    # Rim at 1 m/s, radar at 0.9 m/s; 800 N*m takes half of that slip on the nominal soil.
-    assert estimate.slip[0] == pytest.approx(0.1, abs=0.03)
+    # Between what the torque takes on the nominal soil, 0.04, and what the radar says: 0.1.
+    assert 0.03 < estimate.slip[0] < 0.11
     assert estimate.source == Source.BLENDED
     estimate = drive.run(60, radar=None)
     # Silent for longer than radar_timeout, 0.5 s.
@@ -193,7 +193,7 @@ def test_clock_that_jumps_back_starts_anew(drive, node):
     # As at the first message: speed not known better than torque tells it, no radar yet.
     assert estimate.ground_based_speed_variance > 4 * known
     assert estimate.source == Source.WHEEL
-    assert drive.run(100).slip[0] == pytest.approx(0.1, abs=0.03)
+    assert 0.03 < drive.run(100).slip[0] < 0.11
 
 
 def test_lifecycle_by_service():

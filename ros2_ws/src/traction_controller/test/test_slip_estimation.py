@@ -72,8 +72,8 @@ def test_errors_are_as_large_as_claimed(chrono, name, method):
     # Of a normal error 95.4 % lie within two standard deviations.
     _, error, deviation, _ = replay(chrono, name, method=method)
     assert np.mean(np.abs(error) <= 2 * deviation) >= 0.90
-    # Nor are they claimed to be twice as large as they are.
-    assert math.sqrt(np.mean((error / deviation) ** 2)) > 0.5
+    # Nor are they claimed to be several times as large as they are.
+    assert math.sqrt(np.mean((error / deviation) ** 2)) > 0.4
 
 
 @pytest.mark.parametrize('start', [4.0, 6.0, 9.5])

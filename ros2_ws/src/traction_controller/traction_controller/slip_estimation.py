@@ -211,9 +211,9 @@ class SlipEstimation:
     # ... unless they go on for this long, s: then it is the estimate that is wrong.
     _LONGEST_DISBELIEF = 0.5
     # Weight of the newest speed in the mean innovation, and how large that mean may grow, in
-    # standard deviations of one innovation (a third of which is its own).
-    _SURPRISE_SHARE = 0.2
-    _SURPRISE_LIMIT = 2.0
+    # standard deviations of one innovation (a sixth of which is its own).
+    _SURPRISE_SHARE = 0.05
+    _SURPRISE_LIMIT = 0.8
     # Ground speed is valid up to this standard deviation, m/s.
     _LARGEST_DEVIATION = 0.5
 
@@ -721,7 +721,10 @@ class SlipEstimation:
                 surprise = (v - self.v) / expected - scalars[self._SPEED_SURPRISE]
                 scalars[self._SPEED_SURPRISE] += self._SURPRISE_SHARE * surprise
             if abs(scalars[self._SPEED_SURPRISE]) > self._SURPRISE_LIMIT:
-                # Several readings on the same side: the soil or the drawbar has changed.
+                # Dozens of readings on the same side: speed is what they say on average, and
+                # soil or drawbar are others.
+                self._x[SPEED] += scalars[self._SPEED_SURPRISE] * expected
+                forget(self._p, SPEED, self._SURPRISE_SHARE * expected**2)
                 self._doubt()
             take_in_speed(self._x, self._p, v, variance)
         scalars[self._DISBELIEVED] = math.inf
