@@ -17,12 +17,13 @@ NAMES = sorted(path.parent.name for path in BAGS.glob('*/metadata.yaml'))
 # The radar's noise of 0.05 m/s at the speeds of these runs is 0.012 to 0.04 of slip; the
 # estimator has to do better than that by what it knows of torque and inertia.
 AT_MOST = {
-    'wheel_drawbar': 0.02,
-    'wheel_torque_sine': 0.02,
-    'tractor_sandy_loam': 0.02,
-    'tractor_soft_patch': 0.02,
-    # Down to 0.65 m/s, where one reading's noise is 0.06 of slip.
-    'wheel_soft_patch': 0.03,
+    'wheel_drawbar': 0.01,
+    'wheel_torque_sine': 0.01,
+    'tractor_sandy_loam': 0.01,
+    'tractor_soft_patch': 0.01,
+    # Down to 0.65 m/s, where one reading's noise is 0.06 of slip; even told the true soil from
+    # the edge of the patch on, the filter is at 0.012.
+    'wheel_soft_patch': 0.025,
     # At 30 to 56 m/s a radar is good to a thousandth of slip or two.
     'wheel_low_slip': 0.01,
     'wheel_high_slip': 0.01,
@@ -38,7 +39,23 @@ def test_core_meets_ground_truth(name):
     errors = replay(BAGS / name)
     assert errors.total_slip_rmse <= AT_MOST[name]
     # 95 % of errors belong inside two standard deviations.
-    assert errors.within_two_sigma.min() > 0.85
+    assert 0.90 <= errors.within_two_sigma.min() <= errors.within_two_sigma.max() < 1.0
+
+
+@pytest.mark.parametrize('name', sorted(set(NAMES) - {'wheel_soft_patch'}))
+def test_core_meets_ground_truth_with_any_noise(name):
+    seeds = [replay(BAGS / name, radar_seed=seed) for seed in range(3)]
+    assert len({errors.total_slip_rmse for errors in seeds}) == 3
+    # Nothing is made for one noise: the mean is as good as with the bag's own.
+    assert np.mean([errors.total_slip_rmse for errors in seeds]) <= 1.1 * AT_MOST[name]
+
+
+def test_radar_gap_costs_little():
+    window = {'settle': 5.0, 'until': 10.0}
+    without = replay(BAGS / 'tractor_soft_patch', **window)
+    gap = replay(BAGS / 'tractor_soft_patch', radar_gap=(5.0, 10.0), **window)
+    assert without.total_slip_rmse < gap.total_slip_rmse <= without.total_slip_rmse + 0.03
+    assert gap.samples == without.samples
 
 
 def test_replay_gives_the_same_numbers_every_time():
@@ -133,6 +150,7 @@ def test_command_prints_the_error_of_the_core():
         (['replay', 'bags/nowhere'], 'bags/nowhere'),
         (['replay', BAGS / 'wheel_drawbar', '--soil', 'dry_sandd'], "did you mean 'dry_sand'"),
         (['replay', BAGS / 'wheel_drawbar', '--vehicle', 'tractor_4wd'], 'wheel_states'),
+        (['replay', BAGS / 'wheel_drawbar', '--method', 'ufk'], "did you mean 'ukf'"),
         (['plot', BAGS / 'README.md'], 'not a bag'),
     ],
 )

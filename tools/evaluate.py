@@ -49,7 +49,7 @@ METHOD = 'ekf'
 LAG = 0.2
 """What the controls take the drive's lag for, s: the middle of what is drawn."""
 
-GAINS = ROOT / 'ros2_ws/src/traction_controller/config/gains' / f'{VEHICLE}_hinf.yaml'
+GAINS = ROOT / 'ros2_ws/src/traction_controller/config/gains' / f'{VEHICLE}.yaml'
 """Gain table of the LPV controller."""
 
 HOLD_TORQUE = 2.0

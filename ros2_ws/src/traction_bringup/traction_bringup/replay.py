@@ -156,8 +156,8 @@ def replay(
                         deviations.append(np.sqrt(variances))
                         speed_errors.append(speed - content.ground_based_speed)
                 if ns in anew:
-                    error, variance = anew.pop(ns)
-                    estimation.radar(t, content.ground_based_speed + error, variance)
+                    off, variance = anew.pop(ns)
+                    estimation.radar(t, content.ground_based_speed + off, variance)
     if not errors:
         raise BagError(f'{path}: nothing to judge after {settle:g} s above {least_speed:g} m/s')
     error = np.array(errors)

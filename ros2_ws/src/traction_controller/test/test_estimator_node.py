@@ -111,7 +111,10 @@ def test_terrain_and_odometry_come_at_their_rates(drive, field):
     # 1 s of stamps, whatever the wall clock: 10 and 50 Hz.
     assert len(terrain) == pytest.approx(10, abs=1)
     assert len(odometry) == pytest.approx(50, abs=1)
-    assert all(math.isnan(depth) for depth in terrain[-1].sinkage)
+    # Of the wheel at rest it is 0.174 m, 0.01 m less or more as it drives.
+    assert list(terrain[-1].sinkage) == pytest.approx([0.174], abs=0.05)
+    assert terrain[-1].sinkage_variance[0] > 0.0
+    assert list(terrain[-1].shear_deformation_modulus) == pytest.approx([0.01], rel=0.5)
     # T = 800 N*m at constant speed: thrust T/r = 1600 N.
     assert list(terrain[-1].thrust) == pytest.approx([1600.0], rel=1e-3)
     assert odometry[-1].child_frame_id == 'base_link'
@@ -125,8 +128,8 @@ def test_terrain_and_odometry_come_at_their_rates(drive, field):
 
 def test_slip_from_radar_and_without(drive, field):
     estimate = drive.run(200)
-    # Rim at 1 m/s, radar at 0.9 m/s.
-    assert estimate.slip[0] == pytest.approx(0.1, abs=0.02)
+    # Between what the torque takes on the nominal soil, 0.04, and what the radar says: 0.1.
+    assert 0.03 < estimate.slip[0] < 0.11
     assert estimate.source == Source.BLENDED
     estimate = drive.run(60, radar=None)
     # Silent for longer than radar_timeout, 0.5 s.
@@ -190,7 +193,7 @@ def test_clock_that_jumps_back_starts_anew(drive, node):
     # As at the first message: speed not known better than torque tells it, no radar yet.
     assert estimate.ground_based_speed_variance > 4 * known
     assert estimate.source == Source.WHEEL
-    assert drive.run(100).slip[0] == pytest.approx(0.1, abs=0.02)
+    assert 0.03 < drive.run(100).slip[0] < 0.11
 
 
 def test_lifecycle_by_service():
@@ -224,6 +227,7 @@ def test_lifecycle_by_service():
             {'radar_timeout': 'long'},
             'parameter "radar_timeout" = \'long\' should be a number in s',
         ),
+        ({'method': 'ufk'}, "unknown method 'ufk'; did you mean 'ukf'?"),
         ({'noise_slp': 0.1}, 'there is no parameter "noise_slp"; did you mean "noise_slip"?'),
     ],
 )

@@ -272,17 +272,3 @@ def test_target_refused(control, target):
 def test_control_refuses(fault):
     with pytest.raises(ValueError, match=f'{fault} must be above 0, got nan'):
         SlipControl(RIG, 0.2, **{fault: math.nan})
-
-
-def test_settings_may_differ_from_wheel_to_wheel():
-    each = {'fl': 1.0, 'fr': 2.0, 'rl': 3.0, 'rr': 4.0}
-    made = SlipControl(TRACTOR, 0.2, law='pi', settings={'pi': {'proportional': each}})
-    # As shares of the static load times radius.
-    shares = [
-        law.gains[0] / (float(load) * wheel.radius)
-        for law, load, wheel in zip(made.laws, TRACTOR.static_loads(), TRACTOR.wheels, strict=True)
-    ]
-    assert shares == pytest.approx([1.0, 2.0, 3.0, 4.0])
-    del each['rl']
-    with pytest.raises(ValueError, match="proportional of law 'pi' has none for wheel 'rl'"):
-        SlipControl(TRACTOR, 0.2, law='pi', settings={'pi': {'proportional': each}})

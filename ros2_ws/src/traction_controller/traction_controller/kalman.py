@@ -71,9 +71,7 @@ def method_named(name: str) -> Method:
     """
     names = {method.name.lower(): method for method in Method}
     if name not in names:
-        raise ValueError(
-            f"unknown method '{name}'{closest(str(name), names)}: it is one of {', '.join(names)}"
-        )
+        raise ValueError(f"unknown method '{name}'{closest(str(name), names)}")
     return names[name]
 
 
@@ -197,11 +195,12 @@ def spread(method, x, p, entries, steps, root, points):
     p : ndarray, shape (m, m)
         Its covariance, in products of these units.
     entries : ndarray of int, shape (k,)
-        Indices of the entries that the function depends on.
+        Indices of the entries that the function depends on, dimensionless.
     steps : ndarray, shape (k,)
         Step along each entry for the derivative, in its unit, not 0.
     root : ndarray, shape (k, k)
-        Out, for `UKF`: Cholesky factor of the entries' covariance, lower triangle.
+        Out, for `UKF`: Cholesky factor of the entries' covariance, lower triangle, in their
+        units.
     points : ndarray, shape (1 + 2k, k)
         Out: values of the entries, one point a row, the mean first.
 
@@ -250,7 +249,7 @@ def line_through(method, values, steps, root, slope):
     steps : ndarray, shape (k,)
         As `spread` was given, in the entries' units.
     root : ndarray, shape (k, k)
-        As `spread` left it.
+        As `spread` left it, in the entries' units.
     slope : ndarray, shape (k,)
         Out: function per entry, in their units.
 

@@ -62,7 +62,7 @@ def interpolate(table, weights, places, p):
     weights : ndarray, shape (4,)
         How far on the way to the next grid point, dimensionless, 0 to 1.
     places : ndarray of int, shape (4,)
-        The grid point before.
+        Number of the grid point before.
     p : ndarray, shape (m, m)
         Out: the matrix, in the table's units.
     """

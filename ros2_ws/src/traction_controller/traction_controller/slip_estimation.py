@@ -103,7 +103,7 @@ class EstimatorNoise:
     """
 
     acceleration: float = 0.22
-    speed: float = 0.03
+    speed: float = 0.04
     soil: float = 0.01
     strength: float = 0.18
     shear_modulus: float = 0.6
@@ -111,7 +111,7 @@ class EstimatorNoise:
     nominal: float = 0.1
     thrust: float = 0.03
     slip: float = 0.03
-    wheel_speed: float = 0.02
+    wheel_speed: float = 0.005
     wheel_acceleration: float = 0.2
 
     def __post_init__(self) -> None:
@@ -211,9 +211,9 @@ class SlipEstimation:
     # ... unless they go on for this long, s: then it is the estimate that is wrong.
     _LONGEST_DISBELIEF = 0.5
     # Weight of the newest speed in the mean innovation, and how large that mean may grow, in
-    # standard deviations of one innovation (a third of which is its own).
-    _SURPRISE_SHARE = 0.2
-    _SURPRISE_LIMIT = 2.0
+    # standard deviations of one innovation (a sixth of which is its own).
+    _SURPRISE_SHARE = 0.05
+    _SURPRISE_LIMIT = 0.8
     # Ground speed is valid up to this standard deviation, m/s.
     _LARGEST_DEVIATION = 0.5
 
@@ -329,7 +329,8 @@ class SlipEstimation:
         ]
         self._x, self._p, self._memory, self._scalars = parts[:4]
         self._fresh = ruts.newest.copy()
-        self._ruts = Ruts(*parts[4:], ruts.newest)
+        depth, shear, width = parts[4:]
+        self._ruts = Ruts(depth, shear, width, ruts.newest)
         self._readings: deque[Reading] = deque()
         self._spare: list[Reading] = []
 
@@ -606,9 +607,9 @@ class SlipEstimation:
             return False
         measured = t - self._latency[sensor]
         entry = (measured, int(sensor), v, variance or self.radar_variance)
-        place = bisect_right(
-            self._readings, measured + self._SAME, key=lambda reading: reading.t
-        ) - 1
+        place = (
+            bisect_right(self._readings, measured + self._SAME, key=lambda reading: reading.t) - 1
+        )
         if place < 0:
             return False
         reading = self._readings[place]
@@ -660,7 +661,7 @@ class SlipEstimation:
             )  # fmt: skip
         elif reading.t > self._scalars[TIME]:
             if self._schedule is not None:
-                self._load_covariance()
+                self._load_covariance(self._schedule)
             take_in_wheels(
                 self._method, reading.t, reading.omega, reading.torque, self._x, self._p,
                 self._memory, self._scalars, self._ruts, self._body, self._noise,
@@ -669,7 +670,7 @@ class SlipEstimation:
         if np.max(np.abs(rims)) < self.least_speed:
             self._stand_still(float(rims[np.argmin(np.abs(rims))]))
 
-    def _load_covariance(self) -> None:
+    def _load_covariance(self, schedule: ScheduledCovariance) -> None:
         """Take the covariance that belongs to the present speed, slip and silence."""
         scalars = self._scalars
         t = scalars[TIME]
@@ -677,7 +678,7 @@ class SlipEstimation:
         mean = float(np.mean([abs(slip(self.v, rim)) for rim in rims]))
         # After a start the filter's own covariance holds, which the start has left.
         if abs(self.v) > self.least_speed and scalars[TRAVELLED] > 2 * self._settling:
-            self._schedule.look_up(
+            schedule.look_up(
                 abs(self.v), mean, t - scalars[self._SPEED_T], t - scalars[CHANGED], self._p
             )
 
@@ -720,7 +721,10 @@ class SlipEstimation:
                 surprise = (v - self.v) / expected - scalars[self._SPEED_SURPRISE]
                 scalars[self._SPEED_SURPRISE] += self._SURPRISE_SHARE * surprise
             if abs(scalars[self._SPEED_SURPRISE]) > self._SURPRISE_LIMIT:
-                # Several readings on the same side: the soil or the drawbar has changed.
+                # Dozens of readings on the same side: speed is what they say on average, and
+                # soil or drawbar are others.
+                self._x[SPEED] += scalars[self._SPEED_SURPRISE] * expected
+                forget(self._p, SPEED, self._SURPRISE_SHARE * expected**2)
                 self._doubt()
             take_in_speed(self._x, self._p, v, variance)
         scalars[self._DISBELIEVED] = math.inf

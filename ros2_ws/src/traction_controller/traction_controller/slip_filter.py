@@ -27,7 +27,7 @@ from traction_controller.kalman import forget, line_through, optimal_gain, sprea
 from traction_controller.wheel_contact import quasi_static
 from traction_model.contact import LEAST_TRANSIT_SPEED
 from traction_model.kernel import kernel
-from traction_model.rut import Ruts, press_rut
+from traction_model.rut import press_rut
 from traction_model.slip import is_valid
 from traction_model.vehicle import GRAVITY
 from traction_model.wheel import FRICTION, INERTIA, POSITION, RADIUS, STATIC_LOAD, TRACK, WIDTH
@@ -209,9 +209,9 @@ def begin(t, omega, torque, x, p, memory, scalars, body, noise):
     omega, torque : ndarray, shape (n,)
         Wheel speeds, rad/s, and shaft torques, N*m, forward positive.
     x, p : ndarray
-        State and covariance, see `take_in_wheels`.
+        State and covariance in SI units, see `take_in_wheels`.
     memory, scalars : ndarray
-        What is kept beside them, see `take_in_wheels`.
+        What is kept beside them, SI units, see `take_in_wheels`.
     body : Body
         SI units.
     noise : Noise
@@ -250,9 +250,9 @@ def advance(t, omega, torque, x, p, memory, scalars, ruts, body, noise):
     omega, torque : ndarray, shape (n,)
         Wheel speeds, rad/s, and shaft torques, N*m, forward positive.
     x, p : ndarray
-        State and covariance, see `take_in_wheels`.
+        State and covariance in SI units, see `take_in_wheels`.
     memory, scalars : ndarray
-        What is kept beside them, see `take_in_wheels`.
+        What is kept beside them, SI units, see `take_in_wheels`.
     ruts : Ruts
         What the wheels have left, extended.
     body : Body
@@ -349,9 +349,9 @@ def take_in_moments(method, x, p, memory, scalars, ruts, body, noise):
     method : int
         A `traction_controller.kalman.Method`.
     x, p : ndarray
-        State and covariance, see `take_in_wheels`.
+        State and covariance in SI units, see `take_in_wheels`.
     memory, scalars : ndarray
-        What is kept beside them, see `take_in_wheels`.
+        What is kept beside them, SI units, see `take_in_wheels`.
     ruts : Ruts
         What the wheels have left.
     body : Body
@@ -433,7 +433,7 @@ def take_in_moments(method, x, p, memory, scalars, ruts, body, noise):
         for a in range(k):
             for b in range(k):
                 seen += slope[a] * p[entries[a], entries[b]] * slope[b]
-        if past > 0.0 and unsettled < 2.0:
+        if past > 0.0 and unsettled < 1.1:
             surprise = innovation / math.sqrt(seen)
             kept[SURPRISE] += SURPRISE_SHARE * (surprise - kept[SURPRISE])
         else:

@@ -29,7 +29,8 @@ def quasi_static(v, omega, load, place, factors, nominal, wheel, ruts, guess, so
     place : float
         Of the wheel along the path, m.
     factors : tuple of float
-        Logarithms of the factors on strength, shear deformation modulus and sinkage modulus.
+        Logarithms of the factors on strength, shear deformation modulus and sinkage modulus,
+        dimensionless.
     nominal : ndarray, shape (17,)
         The packed nominal soil, SI units.
     wheel : ndarray, shape (7,)
