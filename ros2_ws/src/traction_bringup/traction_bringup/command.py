@@ -154,12 +154,12 @@ def synthesize(
     stiffness_error: Annotated[
         float, typer.Option(help='Factor by which stiffness may be misjudged.', min=1.05)
     ] = 2.0,
-    error_time: Annotated[
+    response_time: Annotated[
         float, typer.Option(help='Weight: lower for a quicker loop, s.', min=1e-3)
-    ] = 0.2,
+    ] = 0.3,
     effort: Annotated[
-        float, typer.Option(help='Weight: higher for a calmer loop.', min=1e-6)
-    ] = 0.5,
+        float, typer.Option(help='Weight: higher for a calmer loop; lqr takes about 1.', min=1e-6)
+    ] = 20.0,
     output: Annotated[
         Path | None,
         typer.Option('--output', '-o', help='File to write; default: VEHICLE_KIND.yaml.'),
@@ -186,7 +186,7 @@ def synthesize(
             'lags': (lag_min, lag_max),
             'delays': (samples, samples + 1),
             'stiffness_error': stiffness_error,
-            'error_time': error_time,
+            'response_time': response_time,
             'effort': effort,
         },
     )

@@ -5,18 +5,20 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+from rich.progress import Progress
 from rich.table import Table
 
-from traction_controller.certificate import DENSER, Margins, check
+from traction_controller.certificate import DENSER, LoopDesign, Margins, check
 from traction_controller.gain_table import (
     Scheduling,
     TableFile,
-    pole_range,
+    largest_pole,
     read_table_file,
     table_wheels,
     write_gain_table,
 )
-from traction_controller.lpv_synthesis import design_for, synthesize
+from traction_controller.lpv_synthesis import synthesize
+from traction_model.definition import build
 from traction_model.vehicle import load_vehicle
 
 
@@ -45,10 +47,17 @@ def synthesize_table(
     """
     started = time.monotonic()
     wheels, scheduling = table_wheels(load_vehicle(vehicle)), Scheduling()
-    design = design_for(*pole_range(wheels, scheduling), settings)
-    with console.status('') as status:
-        certificate = synthesize(design, lambda text: status.update(f'{text} ...'))
-        status.update('checking on a denser grid ...')
+    design = build(LoopDesign, settings, 'design')
+    needed = largest_pole(wheels, scheduling)
+    if needed > design.largest_pole:
+        design = build(LoopDesign, {**settings, 'largest_pole': needed}, 'design')
+    with Progress(console=console, transient=True) as progress:
+        task = progress.add_task('', total=1.0)
+        certificate = synthesize(
+            design,
+            lambda text, share: progress.update(task, description=text, completed=share),
+        )
+        progress.update(task, description=f'checking on a grid {DENSER} times denser')
         check(certificate, DENSER)
     output.parent.mkdir(parents=True, exist_ok=True)
     write_gain_table(output, Path(vehicle).stem, wheels, scheduling, certificate)
@@ -90,9 +99,9 @@ def _report(content: TableFile, found: dict[str, Margins], console: Console) -> 
     measure = 'gamma' if design.kind == 'hinf' else 'cost'
     gains = Table(title=f'{content.vehicle}: gains over the slip pole', title_style='bold')
     commands = [f'command -{k + 1}' for k in range(design.delays[1])]
-    for heading in ('slip pole, 1/s', 'slip', 'torque', 'integral, 1/s', *commands, measure):
+    for heading in ('slip pole, 1/s', 'slip, 1/s', 'torque', *commands, measure):
         gains.add_column(heading, justify='right')
-    rows = zip(design.gain_poles, certificate.gains, certificate.performance, strict=True)
+    rows = zip(design.poles, certificate.gains, certificate.performance, strict=True)
     for pole, row, performance in rows:
         numbers = [f'{pole:.3g}', *(f'{gain:.3f}' for gain in row), f'{performance:.2f}']
         gains.add_row(*numbers)

@@ -7,31 +7,40 @@ import numpy as np
 import pytest
 import yaml
 
-from traction_controller.certificate import Certificate, CertificateError, check, margins
+from traction_controller.certificate import (
+    Certificate,
+    CertificateError,
+    LoopDesign,
+    check,
+    closed_loop,
+    margins,
+)
 from traction_controller.gain_table import (
     GainTable,
     GainTableError,
     Scheduling,
-    pole_range,
+    largest_pole,
     read_gain_table,
     table_wheels,
     write_gain_table,
 )
-from traction_controller.lpv_synthesis import design_for, synthesize
+from traction_controller.lpv_synthesis import synthesize
 from traction_model.definition import DefinitionError
-from traction_model.vehicle import GRAVITY, load_vehicle
+from traction_model.vehicle import load_vehicle
 
 RIG = load_vehicle('single_wheel_rig')
 TRACTOR = load_vehicle('tractor_4wd')
 WHEELS = table_wheels(RIG)
-NARROW = Scheduling(stiffness=(4.0, 6.0), rim_speed=(2.0, 2.4))
+NARROW = Scheduling(stiffness=6.0, rim_speed=(2.0, 2.4))
 
 
 @pytest.fixture(scope='module')
 def certificate():
-    lowest, highest = pole_range(WHEELS, NARROW)
-    settings = {'delays': (2, 2), 'lags': (0.1, 0.2), 'stiffness_error': 1.3}
-    return synthesize(design_for(lowest, highest, settings))
+    narrow = {
+        'largest_pole': largest_pole(WHEELS, NARROW), 'grid': 6, 'delays': (2, 2),
+        'lags': (0.15, 0.2), 'lag_cells': 1, 'stiffness_error': 1.3, 'error_cells': 1,
+    }  # fmt: skip
+    return synthesize(LoopDesign.model_validate(narrow))
 
 
 @pytest.fixture
@@ -53,17 +62,11 @@ def test_holds_on_its_grid_and_ten_times_denser(certificate):
 def test_margin_is_that_of_the_inequality(certificate):
     # The quadratic form itself at one point of the grid, where nothing moves: V+ - V + z'z/gamma
     # - gamma*w'w as a matrix must be at most 0, and no more than the margin says.
-    from traction_controller.certificate import closed_loop
-
-    design = certificate.design.model_copy(
-        update={'stiffness_rate': 0.0, 'rim_speed_rate': 0.0, 'error_rate': 0.0}
-    )
+    design = certificate.design.model_copy(update={'stiffness_rate': 0.0, 'rim_speed_rate': 0.0})
     still = changed(certificate, design=design.model_dump())
-    P = still.matrices()[0, design.error_steps, 0, 0]
-    row = design.error_steps
-    gains, gamma = np.array(still.gains[row]), still.performance[row]
+    P, gamma = still.matrices()[0, 0, 0, 2], still.performance[2]
     A, E, C = closed_loop(
-        design, gains, np.array(design.poles[0]), np.array(design.lags[0]), 2, np.array(1.0)
+        design, np.array(still.gains), np.array(2.0), np.array(0.2), 2, np.array(1.3)
     )
     whole = np.block([
         [A.T @ P @ A - P + C.T @ C / gamma, A.T @ P @ E],
@@ -88,14 +91,14 @@ def test_a_smaller_gamma_is_refused(certificate):
 
 def test_a_lyapunov_matrix_that_is_not_positive_definite_is_refused(certificate):
     lyapunov = np.array(certificate.lyapunov)
-    lyapunov[1, 0, 0, 0, 0] *= -1.0
+    lyapunov[0, 0, 0, 1, 0] *= -1.0
     with pytest.raises(CertificateError, match=r'Lyapunov matrix at slip pole .* not pos'):
         check(changed(certificate, lyapunov=lyapunov.tolist()))
 
 
 def test_another_lyapunov_matrix_is_refused(certificate):
     lyapunov = np.array(certificate.lyapunov)
-    lyapunov[0] *= 2.0
+    lyapunov[0, 0, 0, 2] *= 2.0
     with pytest.raises(CertificateError, match='closed-loop inequality fails'):
         check(changed(certificate, lyapunov=lyapunov.tolist()))
 
@@ -149,7 +152,7 @@ def test_another_vehicle_is_refused(path):
 def test_wheels_that_the_certificate_does_not_cover_are_refused(tmp_path, certificate):
     path = tmp_path / 'wide.yaml'
     write_gain_table(path, 'rig', WHEELS, Scheduling(), certificate)
-    with pytest.raises(GainTableError, match='the certificate covers slip poles from'):
+    with pytest.raises(GainTableError, match='the certificate covers slip poles up to'):
         read_gain_table(path)
 
 
@@ -168,43 +171,34 @@ def test_what_is_not_a_gain_table_is_refused(tmp_path, text, message):
         read_gain_table(path)
 
 
-def pole_and_scale(rim_speed, stiffness):
-    """By hand, from r 0.5 m, J 20 kg*m^2, m 4905 N over g, slip 0.15."""
-    mass = 4905.0 / GRAVITY
-    pole = stiffness * (1 / mass + 0.85 * 0.25 / 20) / rim_speed
-    scale = stiffness * 0.5 * (1 + 20 / (mass * 0.85 * 0.25))
-    return pole, scale
+def torque_per_rate(rim_speed):
+    """By hand: J*omega/(1 - i), with J 20 kg*m^2, r 0.5 m, slip 0.15."""
+    return 20.0 * rim_speed / (0.5 * 0.85)
 
 
 def test_gains_at_a_point_of_the_grid_are_those_stored(certificate):
     table = GainTable(WHEELS[0], NARROW, certificate)
-    per_newton, _ = pole_and_scale(1.0, 1.0)
-    stiffness = 25000.0
-    for row, pole in enumerate(certificate.design.gain_poles):
-        _, scale = pole_and_scale(1.0, stiffness)
-        found = table.at(stiffness * per_newton / pole, stiffness)
-        stored = certificate.gains[row]
-        assert found == pytest.approx(
-            [stored[0] * scale, stored[1], stored[2] * scale, *stored[3:]]
-        )
+    for pole, stored in zip(certificate.design.poles, certificate.gains, strict=True):
+        # p = r*C/G.
+        found = table.at(2.0, pole * torque_per_rate(2.0) / 0.5)
+        assert found == pytest.approx([stored[0] * torque_per_rate(2.0), *stored[1:]])
 
 
-def test_gains_are_linear_in_the_logarithm_of_the_pole(certificate):
+def test_gains_are_linear_in_the_logarithm_of_one_and_the_pole(certificate):
     table = GainTable(WHEELS[0], NARROW, certificate)
-    per_newton, _ = pole_and_scale(1.0, 1.0)
-    low, high = certificate.design.gain_poles[:2]
-    middle = math.sqrt(low * high)
-    found = table.at(25000.0 * per_newton / middle, 25000.0)
+    low, high = certificate.design.poles[:2]
+    middle = math.sqrt((1 + low) * (1 + high)) - 1
+    found = table.at(2.2, middle * torque_per_rate(2.2) / 0.5)
     assert found[1] == pytest.approx((certificate.gains[0][1] + certificate.gains[1][1]) / 2)
 
 
 def test_gains_outside_are_those_at_the_edge(certificate):
     table = GainTable(WHEELS[0], NARROW, certificate)
-    assert table.at(1e9, 1.0) == table.at(1e9, 4.0 * 4905.0)
-    assert table.at(0.0, 1e9) == table.at(0.0, 6.0 * 4905.0)
+    assert table.at(2.0, 1e9) == table.at(2.0, 6.0 * 4905.0)
+    assert table.at(0.0, 1e4) == table.at(2.0, 1e4)
     assert table.at(-2.2, 25000.0) == table.at(2.2, 25000.0)
-    # Stiffness that is not a number means the least gains, not gains that are none.
-    assert table.at(2.2, math.nan) == table.at(2.2, 0.0)
+    # Past the peak of a thrust curve, or where nothing is known: the least gains.
+    assert table.at(2.2, -1e4) == table.at(2.2, math.nan) == table.at(2.2, 0.0)
 
 
 def test_look_up_is_quick(certificate):

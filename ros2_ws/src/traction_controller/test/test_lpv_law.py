@@ -1,13 +1,19 @@
-"""LPV law: its steps by hand, and its states of delay on a model that has the delay."""
+"""LPV law: its steps by hand, and its loop against the loop it is proved for."""
 
-import control
 import numpy as np
 import pytest
 
 from traction_controller.control_law import Reading
 from traction_controller.lpv_law import LpvLaw
-from traction_model.lpv import sampled, slip_dynamics
-from traction_model.vehicle import GRAVITY, load_vehicle
+from traction_controller.slip_loop import (
+    ERROR,
+    FIRST_COMMAND,
+    TORQUE,
+    slip_loop,
+    slip_pole,
+    torque_scale,
+)
+from traction_model.vehicle import load_vehicle
 
 TRACTOR = load_vehicle('tractor_4wd')
 REAR = TRACTOR.wheels[3]
@@ -26,57 +32,61 @@ class Table:
         return self.gains
 
 
-def law(*gains):
+def law(*gains, **settings):
     table = Table(gains)
-    return LpvLaw(REAR, LOAD, slip=0.2, lag=0.1, dt=0.01, gain_table=table), table
+    made = LpvLaw(REAR, LOAD, slip=0.2, lag=0.1, dt=0.01, gain_table=table, **settings)
+    return made, table
 
 
 def test_steps_by_hand():
-    made, table = law(1000.0, 0.5, 2000.0, 0.2, 0.1)
-    told = Reading(slip=0.1, rim_speed=1.5, stiffness=7e4, shaft_torque=400.0)
-    # First: the integral of the error of 0.1 only, 2000*0.1*0.01 = 2 N*m.
-    assert made.torque(told, 0.2, 500.0, 0.01) == pytest.approx(502.0)
-    assert table.asked == (1.5, 7e4)
-    # Second: slip +0.02, shaft +40, command of a step ago +10 (510 was sent after 500):
-    # 510 - 20 - 20 - 2 + 1.6 = 469.6.
-    told.slip, told.shaft_torque = 0.12, 440.0
-    assert made.torque(told, 0.2, 510.0, 0.01) == pytest.approx(469.6)
-    # Third: nothing else changed; commands -40 a step ago, +10 two steps ago:
-    # 470 + 0.2*40 - 0.1*10 + 1.6 = 478.6.
-    assert made.torque(told, 0.2, 470.0, 0.01) == pytest.approx(478.6)
-    # Fourth: -40 is two steps ago now, +10 forgotten: 470 + 0.1*40 + 1.6 = 475.6.
-    assert made.torque(told, 0.2, 470.0, 0.01) == pytest.approx(475.6)
-    made.reset()
-    assert made.torque(told, 0.2, 470.0, 0.01) == pytest.approx(471.6)
-    assert made.gains == (1000.0, 0.5, 2000.0, 0.2, 0.1)
+    # r 0.85 m, no friction: the soil's moment is 0.85*1000 = 850 N*m; no acceleration.
+    made, table = law(1000.0, 0.5, 0.2, 0.1)
+    told = Reading(
+        slip=0.1, rim_speed=1.7, speed=1.53, stiffness=7e4, thrust=1000.0, shaft_torque=900.0
+    )
+    # Wanted: 850 + 1000*0.1 - 0.5*50 - 0.2*(950 - 850) = 905; taken over from 950.
+    assert made.torque(told, 0.2, 950.0, 1e-9) == pytest.approx(950.0, abs=1e-3)
+    assert table.asked == (1.7, 7e4)
+    assert made.gains == (1000.0, 0.5, 0.0, 0.2, 0.1)
+    # The difference of 45 N*m is gone after many of its time constants of 0.2 s. Commands 930
+    # and 950: 925 - 0.2*80 - 0.1*100 = 899.
+    assert made.torque(told, 0.2, 930.0, 10.0) == pytest.approx(899.0, abs=1e-3)
 
 
-def test_velocity_form_is_the_state_feedback_it_stands_for():
-    # Slip, shaft torque, integral of the error, and the commands of two steps ago as states of a
-    # loop delayed by two steps; u = -K*x from an independent solver, in positional form.
-    lag, dt = 0.1, 0.01
-    a, b = slip_dynamics(REAR, LOAD / GRAVITY, 2.0, 4 * LOAD, 0.2)
-    inner, input_ = sampled(np.array([[a, b], [0, -1 / lag]]), np.array([[0.0], [1 / lag]]), dt)
-    A = np.zeros((5, 5))
-    A[:2, :2], A[:2, 4] = inner, input_[:, 0]  # the oldest command acts
-    A[2, 2], A[2, 0] = 1.0, -dt
-    A[4, 3] = 1.0
-    B = np.array([[0.0], [0], [0], [1], [0]])
-    size = 0.3 * LOAD * REAR.radius
-    gain = control.dlqr(A, B, np.diag([100.0, 0, 400.0, 0, 0]), [[1 / size**2]])[0][0]
-    made, _ = law(gain[0], gain[1], -gain[2], gain[3], gain[4])
+def test_acceleration_takes_its_own_torque():
+    made, _ = law(0.0, 0.0, acceleration_time=1e-6, takeover_time=1e-6)
+    told = Reading(rim_speed=1.7, speed=1.0)
+    made.torque(told, 0.2, 0.0, 0.01)
+    # From 1.0 to 1.01 m/s in 0.01 s: 1 m/s^2. J*omega*v'/v = 60*2/1.01 N*m.
+    told.speed = 1.01
+    found = made.torque(told, 0.2, 0.0, 0.01)
+    assert found == pytest.approx(60.0 * (1.7 / 0.85) / 1.01, rel=1e-3)
 
-    x, sent, trajectory = np.zeros(5), 0.0, []
-    y = np.zeros(5)
-    for k in range(600):
-        target = 0.05 if k else 0.0
-        told = Reading(slip=x[0], rim_speed=2.0, stiffness=4 * LOAD, shaft_torque=x[1])
-        # The velocity form integrates the error of now, so the state counts it as of now.
-        sent = made.torque(told, target, sent, dt)
-        positional = -gain @ (y + np.array([0, 0, dt * (target - y[0]), 0, 0]))
-        x = A @ x + B[:, 0] * sent
-        y = A @ y + B[:, 0] * positional + [0, 0, dt * target, 0, 0]
-        trajectory.append((sent, positional, x[0]))
-    trajectory = np.array(trajectory)
-    np.testing.assert_allclose(trajectory[:, 0], trajectory[:, 1], rtol=1e-9, atol=1e-6 * size)
-    assert trajectory[-1, 2] == pytest.approx(0.05, abs=1e-3)
+
+def test_law_and_loop_are_the_same():
+    """Wheel on soil of linear thrust, driven by the law; the loop that is proved, by its matrices.
+
+    Slip that is small: 1 - i changes little, and the loop is linear.
+    """
+    rim, stiffness, slip, lag = 1.7, 4 * LOAD, 0.15, 0.2
+    scale, pole = torque_scale(REAR, rim, slip), slip_pole(REAR, rim, stiffness, slip)
+    gains = (5.0 * (1 + 0.27 * pole), 0.9, 0.05, 0.04)
+    loop = slip_loop(pole, lag, 0.01, 2, 2, 0.05)
+    feedback = np.zeros(5)
+    feedback[[ERROR, TORQUE, FIRST_COMMAND, FIRST_COMMAND + 1]] = -np.array(gains)
+    made, _ = law(gains[0] * scale, *gains[1:], takeover_time=1e-9)
+
+    x = np.array([-0.01, 0.0, 0.0, 0.0, 0.0])
+    # All torques less a measured moment that stands still in these coordinates.
+    sent = 5000.0
+    for _ in range(100):
+        told = Reading(
+            slip=0.15 + x[ERROR], rim_speed=rim, speed=rim * (1 - slip), stiffness=stiffness,
+            thrust=5000.0 / REAR.radius, shaft_torque=5000.0 + x[TORQUE] * scale,
+        )  # fmt: skip
+        made._sent = [5000.0 + c * scale for c in x[FIRST_COMMAND + 1 :]]
+        sent = made.torque(told, 0.15, 5000.0 + x[FIRST_COMMAND] * scale, 0.01)
+        u = float(feedback @ x)
+        assert sent - 5000.0 == pytest.approx(u * scale, rel=1e-9, abs=1e-6)
+        x = loop.A @ x + loop.B * u
+    assert abs(x[ERROR]) < 1e-3

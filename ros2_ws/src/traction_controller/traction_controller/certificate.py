@@ -1,27 +1,31 @@
 """Certificate of a gain table: what is guaranteed for which loop, and its check by NumPy alone.
 
-With the loop of `traction_controller.slip_loop` at slip pole p and lag, the stiffness taken for
-f times what it is, and the gains that the table gives for it, the closed loop is
-``x+ = A*x + E*w`` and what is weighed ``z = C*x``. The certificate holds positive definite
-matrices P(p, f, lag), interpolated between the points of its grid, such that V = x'*P*x falls:
+With the loop of `traction_controller.slip_loop` and the gains that the table gives for it, the
+closed loop is ``x+ = A*x + E*w`` and what is weighed ``z = C*x``. What is not known and stays as
+it is, the lag, the delay, and the factor f by which the slip stiffness is taken for too high, is
+cut into cells. For each one the certificate holds positive definite matrices P over the slip
+pole, interpolated between the points of its grid, such that V = x'*P*x falls:
 
-- ``hinf``: V+ - V <= gamma*w'*w - z'*z/gamma for all w: from rest, the energy of z is at most
-  gamma^2 times that of w.
-- ``lqr``: V+ - V <= -z'*z for w = 0, and trace(E'*P*E) <= cost: the energy of z after a unit
-  jump of place and that after one of the target come to at most the cost together.
+    V+ - V <= gamma*w'*w - z'*z/gamma   for all w
 
-V+ is taken at every vertex of how far p, stiffness and f can have moved within a sample, so both
-hold for all courses of them within the rates, and along all of them the loop is exponentially
-stable. With P = L*L' either one says that a matrix N contracts, and the *margin* is
-1 - its largest singular value: free of units and of the sizes of states.
+(kind ``hinf``: from rest, the energy of z is at most gamma^2 times that of w), or
 
-Not covered: stiffness outside the range of the table or falling to zero and below (past the peak
-of a thrust curve with a hump), steps of stiffness faster than its rate (they count as
-disturbances before and after), limits of torque, errors of the slip estimate.
+    V+ - V <= -z'*z   for w = 0,   and   e'*P*e <= cost for each column e of E
+
+(kind ``lqr``: the energy of z after a unit jump of either disturbance is at most the cost). V+ is
+taken at every vertex of how far stiffness and rim speed can have moved within a sample, so all
+this holds for all courses of them within the rates, and along all of them the loop is
+exponentially stable. With P = L*L' either one says that a matrix N contracts, and the *margin*
+is 1 less its largest singular value: free of units and of the sizes of states.
+
+Not covered: stiffness below zero (past the peak of a thrust curve with a hump), jumps of
+stiffness (they count as disturbances, and the proof begins anew after them), limits of torque,
+errors of the estimate of slip, moment and acceleration.
 """
 
 import itertools
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -29,19 +33,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from traction_controller.slip_loop import (
-    ERROR,
-    FIRST_COMMAND,
-    SLIP,
-    TORQUE,
-    slip_loop,
-)
+from traction_controller.slip_loop import ERROR, FIRST_COMMAND, MOMENT, TORQUE, slip_loop
 from traction_model.definition import Definition
 
 Array = NDArray[np.float64]
 
 DENSER = 10
 """By how much the independent check's grid is denser than that of the synthesis."""
+
+_KNEE = 1.0
+"""Slip pole, 1/s, below which the grid is even in p, and above in ln p."""
 
 
 class CertificateError(ValueError):
@@ -58,61 +59,49 @@ class LoopDesign(Definition):
     period : float
         Sampling period, s, above 0.
     delays : tuple of int
-        Least and largest number of samples from a command to its arrival at the drive, at least
-        1. It is not known, and stays as it is.
+        Least and most samples from a command to its arrival at the drive, at least 1.
     lags : tuple of float
-        Least and largest time constant from command to shaft torque, s, above 0. It is not
-        known, and stays as it is.
-    poles : tuple of float
-        Grid of slip poles, 1/s, in geometric progression by the `error_steps`-th root of the
-        stiffness error.
+        Least and largest time constant from command to shaft torque, s, above 0.
+    lag_cells : int
+        Cells that the lags are cut into, evenly over their inverse, at least 1.
     largest_pole : float
-        Up to which slip pole the guarantee goes, 1/s; above the grid the last gains stand.
+        Up to which slip pole the guarantee goes, 1/s, above 0; from 0 on.
+    grid : int
+        Points of the grid over the slip pole, evenly over ln(1 + p), at least 2.
     stiffness_error : float
-        Factor by which the slip stiffness may be taken too low or too high, above 1.
-    error_steps : int
-        Steps of the grid from no error of stiffness to the largest, at least 1.
-    pole_error : float
-        Factor by which the slip pole may be misjudged besides, dimensionless, at least 1: the
-        effect of mass and slip.
-    stiffness_rate, rim_speed_rate, error_rate : float
-        Bounds of ``|d ln C/dt|``, ``|d ln V/dt|`` and ``|d ln f/dt|``, 1/s, at least 0.
-    error_time : float
-        s: z holds the slip error times period over this time ...
+        Factor by which the slip stiffness may be taken too low or too high, at least 1.
+    error_cells : int
+        Cells that this is cut into, evenly over its logarithm, at least 1.
+    stiffness_rate, rim_speed_rate : float
+        Bounds of ``|d ln C/dt|`` and ``|d ln V/dt|``, 1/s, at least 0.
+    moment_time : float
+        Time constant with which the soil's moment is measured, s, above 0.
+    response_time : float
+        Time in which slip is to answer, s, above 0: the weight of slip error against effort.
     effort : float
-        ... and the change of command, over the torque scale, times this, dimensionless.
+        Weight of the command in z, over what a slip error of 1 asks for, dimensionless.
     """
 
     kind: Literal['hinf', 'lqr'] = 'hinf'
     period: float = Field(default=0.01, gt=0)
     delays: tuple[int, int] = (2, 3)
     lags: tuple[float, float] = (0.1, 0.3)
-    poles: tuple[float, ...] = Field(min_length=1)
-    largest_pole: float = Field(gt=0)
-    stiffness_error: float = Field(default=2.0, gt=1)
-    error_steps: int = Field(default=1, ge=1)
-    pole_error: float = Field(default=1.25, ge=1)
+    lag_cells: int = Field(default=3, ge=1)
+    largest_pole: float = Field(default=13000.0, gt=0)
+    grid: int = Field(default=28, ge=2)
+    stiffness_error: float = Field(default=2.0, ge=1)
+    error_cells: int = Field(default=4, ge=1)
     stiffness_rate: float = Field(default=5.0, ge=0)
     rim_speed_rate: float = Field(default=2.0, ge=0)
-    error_rate: float = Field(default=0.0, ge=0)
-    error_time: float = Field(default=0.2, gt=0)
-    effort: float = Field(default=0.5, gt=0)
+    moment_time: float = Field(default=0.05, gt=0)
+    response_time: float = Field(default=0.3, gt=0)
+    effort: float = Field(default=20.0, gt=0)
 
     @model_validator(mode='after')
     def _ranges(self) -> 'LoopDesign':
-        if not 1 <= self.delays[0] <= self.delays[1]:
-            raise ValueError(f'delays must be at least 1 and not fall, got {self.delays}')
-        low, high = self.lags
-        if not 0 < low < high:
-            raise ValueError(f'lags must be above 0 and increase, got {low} and {high} s')
-        steps = np.diff(np.log(np.maximum(self.poles, 1e-300)))
-        if not np.allclose(steps, self.step, rtol=1e-9):
-            raise ValueError(
-                f'poles must be above 0 and grow by {math.exp(self.step):.6g}, the '
-                f'{self.error_steps}. root of the stiffness error'
-            )
-        if self.largest_pole < self.poles[-1] * (1 - 1e-9):
-            raise ValueError('largest_pole lies within the grid of poles')
+        for name, (low, high) in (('lags', self.lags), ('delays', self.delays)):
+            if not 0 < low <= high:
+                raise ValueError(f'{name} must be above 0 and not fall, got {low} and {high}')
         return self
 
     @property
@@ -122,50 +111,81 @@ class LoopDesign(Definition):
 
     @property
     def n_gains(self) -> int:
-        """Number of gains: on slip, torque, integral and every command under way."""
-        return 3 + self.delays[1]
+        """Number of gains: on slip error, torque, and every command under way."""
+        return 2 + self.delays[1]
 
     @property
     def step(self) -> float:
-        """Step of the grid over ln p and ln f, dimensionless."""
-        return math.log(self.stiffness_error) / self.error_steps
+        """Step of the grid over ln(1 + p), dimensionless."""
+        return math.log1p(self.largest_pole / _KNEE) / (self.grid - 1)
 
     @property
-    def powers(self) -> range:
-        """Grid of stiffness errors: powers of the step's factor."""
-        return range(-self.error_steps, self.error_steps + 1)
+    def poles(self) -> Array:
+        """Grid of slip poles, 1/s, shape (grid,)."""
+        return self.pole_at(np.arange(float(self.grid)))
 
-    @property
-    def delay_range(self) -> range:
-        """Numbers of samples that the delay may be."""
-        return range(self.delays[0], self.delays[1] + 1)
-
-    @property
-    def pole_errors(self) -> tuple[float, ...]:
-        """Factors by which the slip pole is misjudged beside the stiffness, dimensionless."""
-        return tuple(sorted({1 / self.pole_error, 1.0, self.pole_error}))
-
-    def lag_at(self, share: float) -> float:
-        """Lag at a share of its range, even in 1/lag, in which models are nearly linear.
+    def pole_at(self, place: NDArray[np.float64]) -> Array:
+        """Slip pole at a place in the grid.
 
         Parameters
         ----------
-        share : float
-            0 at the least lag to 1 at the largest, dimensionless.
+        place : ndarray
+            Places, 0 at the first point, 1 at the second.
 
         Returns
         -------
-        float
-            s.
+        ndarray, of the shape of `place`
+            1/s.
         """
-        return 1 / ((1 - share) / self.lags[0] + share / self.lags[1])
+        return np.asarray(_KNEE * np.expm1(place * self.step))
+
+    def place_of(self, pole: NDArray[np.float64]) -> Array:
+        """Place of a slip pole in the grid, at its end for all beyond.
+
+        Parameters
+        ----------
+        pole : ndarray
+            1/s, at least 0.
+
+        Returns
+        -------
+        ndarray, of the shape of `pole`
+            Places, dimensionless.
+        """
+        return np.asarray(np.clip(np.log1p(pole / _KNEE) / self.step, 0.0, self.grid - 1.0))
 
     @property
-    def gain_poles(self) -> tuple[float, ...]:
-        """Slip poles that there are gains for, 1/s: further down, as far as stiffness errs."""
-        ratio = math.exp(self.step)
-        below = (self.poles[0] * ratio**k for k in range(-self.error_steps, 0))
-        return (*below, *self.poles)
+    def delay_range(self) -> range:
+        """All delays, in samples."""
+        return range(self.delays[0], self.delays[1] + 1)
+
+    @property
+    def lag_edges(self) -> Array:
+        """Edges of the cells of lag, s, falling, shape (lag_cells + 1,)."""
+        return np.asarray(1 / np.linspace(1 / self.lags[1], 1 / self.lags[0], self.lag_cells + 1))
+
+    @property
+    def error_edges(self) -> Array:
+        """Edges of the cells of f, dimensionless, shape (error_cells + 1,)."""
+        error = math.log(self.stiffness_error)
+        return np.asarray(np.exp(np.linspace(-error, error, self.error_cells + 1)))
+
+    def answer(self, pole: NDArray[np.float64]) -> Array:
+        """How much torque a rate of slip takes, over G.
+
+        Parameters
+        ----------
+        pole : ndarray
+            Slip pole, 1/s.
+
+        Returns
+        -------
+        ndarray, of the shape of `pole`
+            1 for a soil that does not answer; with its answer, more by what arrives before the
+            command has: the pole times lag, delay and time of the measurement.
+        """
+        late = sum(self.lags) / 2 + sum(self.delays) / 2 * self.period + self.moment_time
+        return np.asarray(1.0 + pole * late)
 
 
 class Certificate(Definition):
@@ -176,14 +196,13 @@ class Certificate(Definition):
     design : LoopDesign
         What they are for.
     gains : tuple of tuple of float
-        At every one of `LoopDesign.gain_poles`: on slip, over the torque scale; on torque, 1; on
-        the integral of the slip error, over the torque scale, 1/s; on the commands sent 1, 2 ...
-        samples ago, 1. All as changes, see `traction_controller.gain_table`.
+        At every pole of the grid: on the slip error, 1/s; on the shaft torque and on the commands
+        sent 1, 2, ... samples ago, all less the measured moment, dimensionless.
     performance : tuple of float
-        At every one of these gamma or the cost, dimensionless.
+        At every pole gamma or the cost, for all cells, dimensionless.
     lyapunov : nested tuples of float
-        P at every one of `poles`, stiffness error, delay and lag: the upper triangle row by row;
-        dimensionless.
+        P in every cell of delay, lag and f, at every pole: the upper triangle row by row; torques
+        counted over G and over `LoopDesign.answer`, dimensionless.
     """
 
     design: LoopDesign
@@ -194,16 +213,12 @@ class Certificate(Definition):
     @model_validator(mode='after')
     def _shapes(self) -> 'Certificate':
         design = self.design
-        poles, s = len(design.poles), design.n_states
-        rows = poles + design.error_steps
+        s = design.n_states
+        cells = len(design.delay_range), design.lag_cells, design.error_cells
         for name, value, shape in (
-            ('gains', self.gains, (rows, design.n_gains)),
-            ('performance', self.performance, (rows,)),
-            (
-                'lyapunov',
-                self.lyapunov,
-                (poles, len(design.powers), len(design.delay_range), 2, s * (s + 1) // 2),
-            ),
+            ('gains', self.gains, (design.grid, design.n_gains)),
+            ('performance', self.performance, (design.grid,)),
+            ('lyapunov', self.lyapunov, (*cells, design.grid, s * (s + 1) // 2)),
         ):
             try:
                 found = np.shape(value)
@@ -218,7 +233,7 @@ class Certificate(Definition):
 
         Returns
         -------
-        ndarray, shape (poles, powers, delays, 2, s, s)
+        ndarray, shape (delays, lag_cells, error_cells, grid, s, s)
             Dimensionless.
         """
         s = self.design.n_states
@@ -251,7 +266,7 @@ class Margins:
 
 
 def closed_loop(
-    design: LoopDesign, gains: Array, pole: Array, lag: Array, delay: int, factor: Array
+    design: LoopDesign, gains: Array, place: Array, lag: Array, delay: int, factor: Array
 ) -> tuple[Array, Array, Array]:
     """Close the loop.
 
@@ -259,32 +274,93 @@ def closed_loop(
     ----------
     design : LoopDesign
         What the gains are for.
-    gains : ndarray, shape (..., g)
-        Gains as in `Certificate`, dimensionless and 1/s.
-    pole, lag : ndarray, shape (...)
-        Slip pole, 1/s, and lag, s.
+    gains : ndarray, shape (grid, g)
+        Gains as in `Certificate`, 1/s and dimensionless.
+    place : ndarray, shape (...)
+        Place of the slip pole in the grid.
+    lag : ndarray, shape (...)
+        Lag, s.
     delay : int
-        Number of samples.
+        Delay, in samples.
     factor : ndarray, shape (...)
-        The stiffness that the gains are scaled by over the true one, dimensionless.
+        The stiffness that gains are looked up with over the true one, dimensionless.
 
     Returns
     -------
     A, E, C : ndarray
-        ``x+ = A*x + E*w``, ``z = C*x``, dimensionless.
+        ``x+ = A*x + E*w``, ``z = C*x``, dimensionless: torques count over G and
+        `LoopDesign.answer`, and so does the soil's disturbance.
     """
-    loop = slip_loop(pole, lag, design.period, delay, design.delays[1])
-    feedback = np.zeros((*np.shape(pole), design.n_states))
-    feedback[..., ERROR] = -gains[..., 2] * design.period * factor
-    feedback[..., SLIP] = -gains[..., 0] * factor
-    feedback[..., TORQUE] = -gains[..., 1]
-    feedback[..., FIRST_COMMAND:] = -gains[..., 3:]
+    place, lag, factor = np.broadcast_arrays(place, lag, factor)
+    pole = design.pole_at(place)
+    loop = slip_loop(pole, lag, design.period, delay, design.delays[1], design.moment_time)
+    taken = _between(gains, design.place_of(factor * pole))
+    feedback = np.zeros((*place.shape, design.n_states))
+    feedback[..., ERROR] = -taken[..., 0]
+    feedback[..., TORQUE] = -taken[..., 1]
+    feedback[..., FIRST_COMMAND:] = -taken[..., 2:]
     A = loop.A + loop.B[..., :, None] * feedback[..., None, :]
-    C = np.zeros((*np.shape(pole), 2, design.n_states))
-    C[..., 0, ERROR] = design.period / design.error_time
-    # The effort counts in the scale that the controller goes by.
-    C[..., 1, :] = design.effort * feedback / factor[..., None]
-    return A, loop.E, C
+    size = np.ones((*place.shape, design.n_states))
+    size[..., TORQUE:] = design.answer(pole)[..., None]
+    A = A * size[..., None, :] / size[..., :, None]
+    E = loop.E / size[..., :, None]
+    E[..., 0] *= size[..., MOMENT, None]
+    C = np.zeros((*place.shape, 2, design.n_states))
+    C[..., 0, ERROR] = math.sqrt(design.period / design.response_time)
+    weight = design.effort * math.sqrt(design.period * design.response_time)
+    C[..., 1, :] = weight * feedback * size / size[..., TORQUE, None]
+    return A, E, C
+
+
+def cells(design: LoopDesign) -> Iterator[tuple[tuple[int, int, int], int, Array, Array]]:
+    """Go through the cells of what is not known.
+
+    Parameters
+    ----------
+    design : LoopDesign
+        What they are of.
+
+    Yields
+    ------
+    index : tuple of int
+        Of delay, lag and f.
+    delay : int
+        In samples.
+    lags, factors : ndarray, shape (2,)
+        Edges of the cell, s and dimensionless.
+    """
+    lags, factors = design.lag_edges, design.error_edges
+    for d, i, j in itertools.product(
+        range(len(design.delay_range)), range(design.lag_cells), range(design.error_cells)
+    ):
+        yield (d, i, j), design.delay_range[d], lags[i : i + 2], factors[j : j + 2]
+
+
+def moves(design: LoopDesign, place: Array) -> Iterator[tuple[Array, Array]]:
+    """Where a slip pole can have moved within a sample, at every vertex of the rates.
+
+    Parameters
+    ----------
+    design : LoopDesign
+        What the rates are of.
+    place : ndarray, shape (k,)
+        Places in the grid.
+
+    Yields
+    ------
+    there : ndarray, shape (k,)
+        Places in the grid, held within it.
+    scale : ndarray, shape (k,)
+        What torques have to be multiplied by for it, dimensionless.
+    """
+    pole = design.pole_at(place)
+    for stiffness, speed in itertools.product((-1.0, 1.0), (-1.0, 1.0)):
+        stiffer = stiffness * design.stiffness_rate * design.period
+        faster = speed * design.rim_speed_rate * design.period
+        there = design.place_of(pole * math.exp(stiffer - faster))
+        # G grows with rim speed, and the answer with the pole.
+        answers = design.answer(pole) / design.answer(design.pole_at(there))
+        yield there, answers * math.exp(-faster)
 
 
 def check(certificate: Certificate, density: int = 1) -> Margins:
@@ -343,142 +419,82 @@ def margins(certificate: Certificate, density: int = 1) -> Margins:
     P = certificate.matrices()
     least_eigenvalues = np.linalg.eigvalsh(P)[..., 0]
     if not np.all(least_eigenvalues > 0):
-        k, f, d, lag_row = np.argwhere(~(least_eigenvalues > 0))[0]
-        factor = math.exp(design.powers[f] * design.step)
+        *_, k = index = np.argwhere(~(least_eigenvalues > 0))[0]
         raise CertificateError(
             f'the certificate does not hold: the Lyapunov matrix at slip pole '
-            f'{design.poles[k]:.4g} 1/s, stiffness taken {factor:.3g} times what it is, '
-            f'delay {design.delay_range[d]} samples and lag {design.lags[lag_row]} s is not '
-            f'positive definite (least eigenvalue {least_eigenvalues[k, f, d, lag_row]:.3g})'
+            f'{design.poles[k]:.4g} 1/s is not positive definite '
+            f'(least eigenvalue {least_eigenvalues[tuple(index)]:.3g})'
         )
-    powers = np.linspace(
-        -design.error_steps, design.error_steps, 2 * design.error_steps * density + 1
-    )
-    shares = np.linspace(0, 1, density + 1)
-    lags = np.array([design.lag_at(share) for share in shares])
-    # On the grid of the synthesis a move goes over into the next cell, and the corners of each
-    # cell's part count; elsewhere it stays within its cell.
-    directions = (-1, 0, 1) if density == 1 else (-1, 1)
-    moves = [
-        np.unique(rate * design.period * np.array(directions, dtype=float))
-        for rate in (design.stiffness_rate, design.rim_speed_rate, design.error_rate)
-    ]
-    vertices = np.array(list(itertools.product(*moves)))
+    places = np.linspace(0, design.grid - 1, (design.grid - 1) * density + 1)
+    gains, performance = np.array(certificate.gains), np.array(certificate.performance)
     least, where, points = math.inf, '', 0
-    for pole, delay in itertools.product(_dense_poles(design, density), design.delay_range):
-        power, lag, pole_error, vertex = (
-            part.ravel()
-            for part in np.meshgrid(
-                powers,
-                np.arange(len(lags)),
-                design.pole_errors,
-                np.arange(len(vertices)),
-                indexing='ij',
-            )
+    for index, delay, lags, factors in cells(design):
+        lag, factor = np.meshgrid(
+            1 / np.linspace(1 / lags[0], 1 / lags[1], density + 1),
+            np.geomspace(factors[0], factors[1], density + 1),
         )
-        row = lag.astype(int)
         values = _contractions(
-            certificate, P[:, :, delay - design.delays[0]], pole, delay, power, lags[row],
-            shares[row], pole_error, vertices[vertex.astype(int)],
+            design, gains, performance, P[index], places[:, None], lag.ravel(), delay,
+            factor.ravel(),
         )  # fmt: skip
-        points += len(values)
-        worst = int(np.argmin(values)) if np.all(np.isfinite(values)) else 0
+        points += values.size * 4
+        worst = np.unravel_index(np.argmin(np.nan_to_num(values, nan=-np.inf)), values.shape)
         if not values[worst] >= least:
             least = float(values[worst])
             where = (
-                f'at slip pole {pole:.4g} 1/s, lag {lags[row[worst]]:.3g} s, delay {delay} '
-                f'samples, stiffness taken '
-                f'{math.exp(power[worst] * design.step):.3g} and pole '
-                f'{pole_error[worst]:.3g} times what they are'
+                f'at slip pole {float(design.pole_at(places[worst[0]])):.4g} 1/s, delay {delay} '
+                f'samples, lag {lag.ravel()[worst[1]]:.3g} s, stiffness taken '
+                f'{factor.ravel()[worst[1]]:.3g} times what it is'
             )
     return Margins(least, where, points)
 
 
-def _dense_poles(design: LoopDesign, density: int) -> Array:
-    """Slip poles to look at: the grid, made denser, and on beyond its end."""
-    count = (len(design.poles) - 1) * density + 1
-    poles = np.geomspace(design.poles[0], design.poles[-1], count)
-    beyond = math.ceil(math.log(design.largest_pole / design.poles[-1]) / design.step - 1e-9)
-    if beyond > 0:
-        further = np.geomspace(design.poles[-1], design.largest_pole, beyond * density + 1)
-        poles = np.concatenate([poles, further[1:]])
-    return np.asarray(poles)
-
-
 def _contractions(
-    certificate: Certificate,
+    design: LoopDesign,
+    gains: Array,
+    performance: Array,
     P: Array,
-    pole: float,
-    delay: int,
-    power: Array,
+    place: Array,
     lag: Array,
-    lag_share: Array,
-    pole_error: Array,
-    move: Array,
+    delay: int,
+    factor: Array,
 ) -> Array:
-    """Margins at one pole and many errors, lags and vertices of the moves, shape (k,)."""
-    design = certificate.design
-    step, largest = design.step, design.error_steps
-    factor = np.exp(power * step)
-    place = math.log(pole / design.poles[0]) / step
-    at = np.clip(
-        place + power + np.log(pole_error) / step + largest, 0, len(design.gain_poles) - 1.0
-    )
-    gains = _between(np.array(certificate.gains), at)
-    performance = _between(np.array(certificate.performance), at)
-    A, E, C = closed_loop(design, gains, np.full(len(at), pole), lag, delay, factor)
-
-    last = len(design.poles) - 1.0
-    now = _matrix_at(P, np.full(len(at), min(place, last)), power + largest, lag_share)
-    stiffness_move, speed_move, error_move = move.T
-    then = _matrix_at(
-        P,
-        np.clip(place + (stiffness_move - speed_move) / step, 0.0, last),
-        np.clip(power + error_move / step, -largest, largest) + largest,
-        lag_share,
-    )
-    # Torques count over a torque scale that has grown with the stiffness.
-    scale = np.ones((len(at), design.n_states))
-    scale[:, TORQUE:] = np.exp(-stiffness_move)[:, None]
-    then = then * scale[:, :, None] * scale[:, None, :]
-
-    root_now = np.linalg.cholesky(now)
-    root_then = np.swapaxes(np.linalg.cholesky(then), 1, 2)
-    back = np.swapaxes(np.linalg.inv(root_now), 1, 2)
+    """Least margins over the vertices of the moves, shape (places, k); P that of the cell."""
+    A, E, C = closed_loop(design, gains, place, lag, delay, factor)
+    column = place[:, 0]
+    here = _between(P, column)
+    back = np.swapaxes(np.linalg.inv(np.linalg.cholesky(here)), 1, 2)
+    root = np.sqrt(_between(performance, column))[:, None, None, None]
     s = design.n_states
-    if design.kind == 'hinf':
-        root = np.sqrt(performance)[:, None, None]
-        N = np.zeros((len(at), s + 2, s + 2))
-        N[:, :s, :s] = root_then @ A @ back
-        N[:, :s, s:] = root_then @ E / root
-        N[:, s:, :s] = C @ back / root
-        return np.asarray(1 - _largest_singular(N))
-    N = np.concatenate([root_then @ A @ back, C @ back], axis=1)
-    spread = np.swapaxes(root_now, 1, 2) @ E
-    cost = np.sum(spread**2, axis=(1, 2))
-    return np.asarray(np.minimum(1 - _largest_singular(N), 1 - cost / performance))
+    least = np.full(A.shape[:2], np.inf)
+    for there, scale in moves(design, column):
+        sizes = np.ones((len(column), s))
+        sizes[:, TORQUE:] = scale[:, None]
+        moved = _between(P, there) * sizes[:, :, None] * sizes[:, None, :]
+        up = np.swapaxes(np.linalg.cholesky(moved), 1, 2)
+        if design.kind == 'hinf':
+            N = np.zeros((*A.shape[:2], s + 2, s + 2))
+            N[..., :s, :s] = up[:, None] @ A @ back[:, None]
+            N[..., :s, s:] = up[:, None] @ E / root
+            N[..., s:, :s] = C @ back[:, None] / root
+        else:
+            N = np.concatenate([up[:, None] @ A @ back[:, None], C @ back[:, None]], axis=2)
+        least = np.minimum(least, 1 - _largest_singular(N))
+    if design.kind == 'lqr':
+        spread = np.swapaxes(np.linalg.cholesky(here), 1, 2)[:, None] @ E
+        cost = np.max(np.sum(spread**2, axis=2), axis=2)
+        least = np.minimum(least, 1 - np.sqrt(cost) / root[..., 0, 0])
+    return least
 
 
 def _largest_singular(N: Array) -> Array:
-    return np.asarray(np.sqrt(np.linalg.eigvalsh(np.swapaxes(N, 1, 2) @ N)[:, -1]))
+    """Largest singular value of each matrix, by the eigenvalues of N'*N: quicker."""
+    square = np.swapaxes(N, -1, -2) @ N
+    return np.asarray(np.sqrt(np.linalg.eigvalsh(square)[..., -1]))
 
 
-def _between(table: Array, at: Array) -> Array:
-    """Linear in between, along the first axis."""
-    low = np.minimum(at.astype(int), len(table) - 2)
-    share = (at - low).reshape(-1, *[1] * (table.ndim - 1))
-    return np.asarray((1 - share) * table[low] + share * table[low + 1])
-
-
-def _matrix_at(P: Array, at: Array, error: Array, lag_share: Array) -> Array:
-    """P between the points of its grid: linear in ln p, ln f and 1/lag."""
-    low = np.minimum(at.astype(int), P.shape[0] - 2)
-    row = np.minimum(error.astype(int), P.shape[1] - 2)
-    found = np.zeros((len(at), *P.shape[-2:]))
-    shares = (at - low, error - row, lag_share)
-    for corner in itertools.product((0, 1), repeat=3):
-        weight = np.ones(len(at))
-        for bit, share in zip(corner, shares, strict=True):
-            weight = weight * (share if bit else 1 - share)
-        found += weight[:, None, None] * P[low + corner[0], row + corner[1], corner[2]]
-    return found
+def _between(values: Array, at: Array) -> Array:
+    """Interpolate rows linearly at fractional places within them."""
+    low = np.minimum(at.astype(int), len(values) - 2)
+    share = (at - low).reshape(at.shape + (1,) * (values.ndim - 1))
+    return np.asarray((1 - share) * values[low] + share * values[low + 1])

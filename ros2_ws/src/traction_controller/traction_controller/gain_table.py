@@ -1,14 +1,7 @@
 """Gain tables: the gains of a vehicle's wheels with their certificate, and their YAML file.
 
-The law is in velocity form: every sampling period h adds to the torque last sent
-
-    du = - slip_gain*(change of slip) - torque_gain*(change of shaft torque)
-         - sum_k command_gains[k]*(change of the command sent k + 1 periods ago)
-         + integral_gain*(target - slip)*h
-
-so that gains may change at every period. Gains are stored over the slip pole (see
-`traction_controller.slip_loop`) and scaled by the wheel's torque per slip, so one list serves all
-wheels of a vehicle.
+The law is that of `traction_controller.lpv_law`. Gains are stored over the slip pole (see
+`traction_controller.slip_loop`), that on the slip error over G, so one list serves all wheels.
 """
 
 import hashlib
@@ -24,10 +17,10 @@ from pydantic import Field
 from traction_controller.certificate import Certificate, CertificateError, Margins, check
 from traction_controller.slip_loop import slip_pole, torque_scale
 from traction_model.definition import Definition, build, read_yaml
-from traction_model.vehicle import GRAVITY, Vehicle
+from traction_model.vehicle import Vehicle
 from traction_model.wheel import Wheel
 
-FORMAT = 'traction gain table 1'
+FORMAT: Literal['traction gain table 1'] = 'traction gain table 1'
 """What the files say they are."""
 
 
@@ -42,16 +35,16 @@ class Scheduling(Definition):
     ----------
     slip : float
         Slip that wheels are linearised at, at least 0 and below 1.
-    stiffness : tuple of float
-        Least and largest slip stiffness, over the static load, dimensionless, above 0; beyond
-        them the gains at the end stand.
+    stiffness : float
+        Largest slip stiffness, over the static load, dimensionless, above 0; beyond it the gains
+        at it stand.
     rim_speed : tuple of float
-        Least and largest rim speed, m/s, above 0: the range that the certificate is for.
+        Least and largest rim speed, m/s, above 0; below, the gains at the least stand.
     """
 
     slip: float = Field(default=0.15, ge=0, lt=1)
-    stiffness: tuple[float, float] = (0.25, 50.0)
-    rim_speed: tuple[float, float] = (0.3, 7.5)
+    stiffness: float = Field(default=20.0, gt=0)
+    rim_speed: tuple[float, float] = (0.3, 12.0)
 
 
 class TableWheel(Definition):
@@ -139,15 +132,13 @@ class GainTable:
         self.period = design.period
         self.n_commands = design.delays[1]
         turning = Wheel(radius=wheel.radius, width=1.0, inertia=wheel.inertia)
-        mass, slip = wheel.load / GRAVITY, scheduling.slip
-        self._pole = slip_pole(turning, mass, 1.0, 1.0, slip)
-        self._scale = torque_scale(turning, mass, 1.0, slip)
-        self._least = scheduling.stiffness[0] * wheel.load
-        self._most = scheduling.stiffness[1] * wheel.load
+        self._scale = torque_scale(turning, 1.0, scheduling.slip)
+        self._pole = slip_pole(turning, 1.0, 1.0, scheduling.slip)
+        self._slowest = scheduling.rim_speed[0]
+        self._most = scheduling.stiffness * wheel.load
         # Plain numbers: quicker than arrays when one set of gains is wanted at a time.
-        self._first = math.log(design.gain_poles[0])
         self._per_step = 1.0 / design.step
-        self._last = len(design.gain_poles) - 1
+        self._last = design.grid - 1
         self._gains = [tuple(row) for row in certificate.gains]
 
     def at(self, rim_speed: float, stiffness: float) -> tuple[float, ...]:
@@ -158,27 +149,26 @@ class GainTable:
         rim_speed : float
             r*omega, m/s; its magnitude counts.
         stiffness : float
-            Slip stiffness, N, at least 0.
+            Slip stiffness, N; below 0 it counts as 0.
 
         Returns
         -------
         tuple of float
-            Gain on the change of slip, N*m; of shaft torque, 1; on the integral of the slip
-            error, N*m/s; on the changes of the commands sent 1, 2, ... periods ago, 1.
+            Gain on the slip error, N*m; on shaft torque and on the commands sent 1, 2, ...
+            periods ago, less the soil's moment, 1.
         """
-        # Written so that NaN becomes the least stiffness: the least gains.
-        stiffness = min(stiffness, self._most) if stiffness > self._least else self._least
-        pole = stiffness * self._pole / max(abs(rim_speed), 1e-3)
-        place = min(max((math.log(pole) - self._first) * self._per_step, 0.0), self._last)
+        speed = max(abs(rim_speed), self._slowest)
+        # Written so that NaN becomes 0: the least gains.
+        stiffness = min(stiffness, self._most) if stiffness > 0.0 else 0.0
+        place = math.log1p(stiffness * self._pole / speed) * self._per_step
+        place = min(place, self._last)
         row = min(int(place), self._last - 1)
         share = place - row
         gains = [
             low + share * (high - low)
             for low, high in zip(self._gains[row], self._gains[row + 1], strict=True)
         ]
-        scale = stiffness * self._scale
-        gains[0] *= scale
-        gains[2] *= scale
+        gains[0] *= speed * self._scale
         return tuple(gains)
 
 
@@ -207,8 +197,8 @@ def table_wheels(vehicle: Vehicle) -> tuple[TableWheel, ...]:
     )
 
 
-def pole_range(wheels: Iterable[TableWheel], scheduling: Scheduling) -> tuple[float, float]:
-    """Range of the slip pole of wheels.
+def largest_pole(wheels: Iterable[TableWheel], scheduling: Scheduling) -> float:
+    """Largest slip pole of wheels: at the largest stiffness and the least rim speed.
 
     Parameters
     ----------
@@ -219,20 +209,16 @@ def pole_range(wheels: Iterable[TableWheel], scheduling: Scheduling) -> tuple[fl
 
     Returns
     -------
-    lowest, highest : float
-        1/s: at the least stiffness and largest rim speed, and the other way round.
+    float
+        1/s.
     """
-    poles = [
+    return max(
         slip_pole(
             Wheel(radius=wheel.radius, width=1.0, inertia=wheel.inertia),
-            wheel.load / GRAVITY, speed, share * wheel.load, scheduling.slip,
+            scheduling.rim_speed[0], scheduling.stiffness * wheel.load, scheduling.slip,
         )
         for wheel in wheels
-        for share, speed in zip(
-            scheduling.stiffness, reversed(scheduling.rim_speed), strict=True
-        )
-    ]  # fmt: skip
-    return min(poles), max(poles)
+    )  # fmt: skip
 
 
 def write_gain_table(
@@ -314,12 +300,12 @@ def read_table_file(path: Path | str, density: int = 1) -> tuple[TableFile, Marg
         found = check(content.certificate, density)
     except CertificateError as error:
         raise GainTableError(f'{path}: {error}') from error
-    lowest, highest = pole_range(content.wheels, content.scheduling)
-    design = content.certificate.design
-    if lowest < design.poles[0] * (1 - 1e-9) or highest > design.largest_pole * (1 + 1e-9):
+    largest = largest_pole(content.wheels, content.scheduling)
+    covered = content.certificate.design.largest_pole
+    if largest > covered * (1 + 1e-9):
         raise GainTableError(
-            f'{path}: the certificate covers slip poles from {design.poles[0]:.4g} to '
-            f'{design.largest_pole:.4g} 1/s, its wheels have {lowest:.4g} to {highest:.4g}'
+            f'{path}: the certificate covers slip poles up to {covered:.4g} 1/s, its wheels have '
+            f'up to {largest:.4g}'
         )
     if content.digest != content.computed_digest():
         raise GainTableError(
@@ -346,7 +332,7 @@ def read_gain_table(
     Returns
     -------
     dict of str to GainTable
-        By the name of the wheel; gains in N*m, 1, N*m/s and 1.
+        By the name of the wheel; gains in N*m and 1.
 
     Raises
     ------

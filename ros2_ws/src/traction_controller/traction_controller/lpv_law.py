@@ -1,14 +1,18 @@
-"""LPV law: the certified gains of a synthesised table, in velocity form.
+"""LPV law: the certified gains of a synthesised table, on the torque beyond what the soil takes.
 
-Every step adds
+What turns against the shaft is measured, ``M = r*F + b_f*omega`` with F the estimated thrust, and
+so is what the vehicle's own acceleration takes, ``A = J*omega*v'/v``. Slip changes by what the
+shaft has beyond them. So the law is a feedback from the slip error on top of them,
 
-    du = -k_i*(change of slip) - k_T*(change of shaft torque)
-         - sum_k k_u[k]*(change of command k + 1 steps ago) + k_z*(target - slip)*dt
+    u = M + A + k_i*(target - slip) - k_T*(T - M - A) - sum_j k_u[j]*(u_j - M - A)
 
-to the torque last sent, with the table's gains at the present rim speed and slip stiffness. The
-commands of the last steps are states of the model behind the table: what delay holds back.
+T the shaft torque, u_j the torques sent j + 1 steps ago, with the table's gains at the present rim
+speed and slip stiffness. As it goes by torques that were really sent and measured, it cannot wind
+up; a soil that gives way is answered as soon as its moment falls, whatever the estimate of its
+stiffness.
 """
 
+import math
 from typing import Protocol
 
 from traction_controller.control_law import Reading
@@ -31,8 +35,8 @@ class Gains(Protocol):
         Returns
         -------
         tuple of float
-            Gain on slip, N*m, on shaft torque, 1, on the integral of the slip error, N*m/s, and
-            on the command of one step ago, of two, and so on, 1.
+            Gain on slip error, N*m, on shaft torque, 1, and on the command of one step ago, of
+            two, and so on, 1.
         """
 
 
@@ -49,12 +53,27 @@ class LpvLaw:
         As for every law, dimensionless, s and s; the table has been made for its own.
     gain_table : Gains
         The table.
+    takeover_time : float
+        Time constant with which the torque of another law gives way to this one's, s, above 0.
+    acceleration_time : float
+        Time constant of the filter on the vehicle's acceleration, s, above 0.
 
     Attributes
     ----------
     gains : tuple of float
-        Gains of the last step as the table gave them: N*m, 1, N*m/s, 1.
+        Gains of the last step as the table gave them, on slip error, N*m, on shaft torque and on
+        commands, 1, with 0 N*m/s in between for the integral, which there is none of.
+
+    Raises
+    ------
+    ValueError
+        If there is no table, or a time is out of range.
     """
+
+    # Below this speed, m/s, acceleration is taken as at it: slip says little there.
+    _SLOWEST = 0.3
+    # Largest relative acceleration v'/v that is followed, 1/s.
+    _MOST = 2.0
 
     def __init__(
         self,
@@ -65,16 +84,31 @@ class LpvLaw:
         lag: float,
         dt: float,
         gain_table: Gains | None = None,
+        takeover_time: float = 0.2,
+        acceleration_time: float = 0.15,
     ) -> None:
         if gain_table is None:
             raise ValueError("control law 'lpv' needs a gain table: give gain_table")
+        for name, value in (
+            ('takeover_time', takeover_time),
+            ('acceleration_time', acceleration_time),
+        ):
+            if not (math.isfinite(value) and value > 0):
+                raise ValueError(f'{name} must be above 0, got {value}')
         self._table = gain_table
+        self._radius, self._inertia = wheel.radius, wheel.inertia
+        self._friction = wheel.viscous_friction
+        self._takeover_time = takeover_time
+        self._acceleration_time = acceleration_time
         self.gains: tuple[float, ...] = (0.0, 0.0, 0.0)
         self.reset()
 
     def reset(self) -> None:
-        """Forget the last steps: commands count as constant before the next."""
-        self._last: tuple[float, float] | None = None
+        """Forget the past: the next step takes over whatever torque was sent."""
+        # What is left of the difference to the torque taken over; None before it is known.
+        self._offset: float | None = None
+        self._last_speed: float | None = None
+        self._acceleration = 0.0
         # Torques sent, the newest first.
         self._sent: list[float] = []
 
@@ -97,16 +131,31 @@ class LpvLaw:
         float
             Torque wanted, N*m, before limits.
         """
-        self.gains = gains = self._table.at(reading.rim_speed, reading.stiffness)
-        slip, shaft = reading.slip, reading.shaft_torque
-        torque = sent + gains[2] * (target - slip) * dt
+        slip_gain, torque_gain, *command_gains = self._table.at(
+            reading.rim_speed, reading.stiffness
+        )
+        self.gains = (slip_gain, torque_gain, 0.0, *command_gains)
+        omega = abs(reading.rim_speed) / self._radius
+        base = self._radius * reading.thrust + self._friction * omega
+        base += self._inertia * omega * self._relative_acceleration(abs(reading.speed), dt)
         history = self._sent
         history.insert(0, sent)
-        if self._last is not None:
-            last_slip, last_shaft = self._last
-            torque -= gains[0] * (slip - last_slip) + gains[1] * (shaft - last_shaft)
-            for k in range(min(len(gains) - 3, len(history) - 1)):
-                torque -= gains[3 + k] * (history[k] - history[k + 1])
-        del history[len(gains) - 2 :]
-        self._last = slip, shaft
-        return torque
+        del history[len(command_gains) :]
+        torque = base + slip_gain * (target - reading.slip)
+        torque -= torque_gain * (reading.shaft_torque - base)
+        for gain, command in zip(command_gains, history, strict=False):
+            torque -= gain * (command - base)
+        if self._offset is None:
+            self._offset = sent - torque
+        self._offset *= math.exp(-dt / self._takeover_time)
+        return torque + self._offset
+
+    def _relative_acceleration(self, speed: float, dt: float) -> float:
+        """v'/v of the vehicle, filtered, 1/s."""
+        if self._last_speed is not None and dt > 0.0:
+            share = dt / (self._acceleration_time + dt)
+            newest = (speed - self._last_speed) / dt
+            self._acceleration += share * (newest - self._acceleration)
+        self._last_speed = speed
+        relative = self._acceleration / max(speed, self._SLOWEST)
+        return min(max(relative, -self._MOST), self._MOST)

@@ -1,36 +1,24 @@
-"""LPV synthesis: gains over the slip pole with their certificate, by semidefinite programming.
+"""LPV synthesis: gains over the slip pole, and the proof of what they do.
 
-For the loop of `traction_controller.slip_loop` on the grid of `LoopDesign`, in two steps.
+Gains come first. For ``hinf`` from one semidefinite program over the grid of slip poles, with
+matrices X(p) at both ends of the lags and, beside A, slack matrices G and Y in their place, so
+that gains do not depend on them (M. C. de Oliveira, J. Bernussou and J. C. Geromel, "A new
+discrete-time robust stability condition", Systems & Control Letters 37, 1999):
 
-**Gains.** Matrices X(p, f, lag), slack matrices G and Y at every pole that gains are scheduled
-by, and lower bounds L on all that X can become within a sample:
+    [ X(after every move)   A*G + B*Y    E    0            ]
+    [ .                     G + G' - X   0    (C*G + D*Y)' ]  >= 0,   K = Y*inv(G)
+    [ .                     .            g*I  0            ]
+    [ .                     .            .    g*I          ]
 
-    [ L    A*G + B*Y    E    0            ]
-    [ .    G + G' - X   0    (C*G + D*Y)' ]  >= 0,    X(after every move) >= L,    K = Y*inv(G)
-    [ .    .            g*I  0            ]
-    [ .    .            .    g*I          ]
+For ``lqr`` from the Riccati equation at every pole. What the soil's moment differs from the
+measured one is not known to the law: G keeps it apart, so that its gain is 0.
 
-(`lqr` without the third row, with I in place of the last, and [W, E'; E, X] >= 0, trace(W) <= g),
-the mean of g over the grid as small as can be. G takes the place of X beside A, so gains do not
-depend on X, which may differ with what the controller does not know, lag and error of stiffness:
-M. C. de Oliveira, J. Bernussou and J. C. Geromel, "A new discrete-time robust stability
-condition", Systems & Control Letters 37, 1999; for moving parameters J. Daafouz and J. Bernussou,
-"Parameter dependent Lyapunov functions for discrete time systems with time varying parametric
-uncertainties", ibid. 43, 2001. Grids over the parameters and bounds on their rates as in F. Wu,
-X. H. Yang, A. Packard and G. Becker, "Induced L2-norm control for LPV systems with bounded
-parameter variation rates", Int. J. Robust and Nonlinear Control 6, 1996, and P. Apkarian and
-R. J. Adams, "Advanced gain-scheduling techniques for uncertain systems", IEEE Trans. Control
-Systems Technology 6, 1998.
-
-**Proof.** With the gains as they are interpolated, P(p, f, lag) and upper bounds U on all that P
-can become within a sample, on a finer grid and for all errors of the pole:
-
-    [ P - A'*U*A   -A'*U*E         C'  ]
-    [ .            g*I - E'*U*E    0   ]  >= 0,    P(after every move) <= U
-    [ .            .               g*I ]
-
-(`lqr`: P - A'*U*A - C'*C >= 0, trace(E'*P*E) <= g). In between, nothing is proved by either step:
-`traction_controller.certificate.check` is what tells.
+The proof comes after, for the gains as they are interpolated: in every cell of what is not known
+(`traction_controller.certificate`) matrices P(p) that satisfy its inequality at the cell's corners
+and centre, at every pole of the grid and in between. The cells' programs are small and apart
+from each other. Grids over parameters and bounds on their rates as in F. Wu, X. H. Yang,
+A. Packard and G. Becker, "Induced L2-norm control for LPV systems with bounded parameter
+variation rates", Int. J. Robust and Nonlinear Control 6, 1996.
 """
 
 import itertools
@@ -41,82 +29,40 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_are
 
 from traction_controller.certificate import (
     Certificate,
     CertificateError,
     LoopDesign,
+    cells,
     closed_loop,
     margins,
+    moves,
 )
-from traction_controller.slip_loop import ERROR, FIRST_COMMAND, SLIP, TORQUE, slip_loop
-from traction_model.definition import build
+from traction_controller.slip_loop import ERROR, FIRST_COMMAND, MOMENT, TORQUE, slip_loop
 
 Array = NDArray[np.float64]
 
-SLIP_JOLT = 0.3
-TORQUE_JOLT = 0.3
-"""Size of jolts of slip and of torque that the gains are designed for, beside unit changes of
-place and target, dimensionless: without them gains rest on models that fit too well."""
-
-# Sizes that states take, so that the solver sees numbers near 1: error, changes of slip and
-# torque, changes of command.
-_SIZES = (5.0, 1.0, 0.5, 3.0)
 # By how much matrices are kept off the edge of what is allowed.
-_EDGE = 1e-6
-# Margin that the proof keeps where it looks, for what is in between.
+_EDGE = 1e-7
+# By how much more than asked for V is made to fall, as a share of its root, and into how many
+# parts a step of the grid is cut for it: so that it falls in between, too.
 _KEPT = 0.008
-# Parts of each step of the grid of poles, and of the range of lags, that the proof looks at;
-# steps of the error of stiffness it halves.
-_POLE_PARTS = 4
-_LAG_PARTS = 6
-# By how much performance is given up so that the inequalities hold in between, tried in turn.
-_RELAXED = (1.003, 1.01, 1.02, 1.05, 1.1, 1.2, 1.5, 2.0)
-# How many times denser than the synthesis its own look in between is.
-_LOOK = 4
-# Shares of the way, over ln p, from the last point of the grid to the largest pole at which the
-# proof looks, too.
-_BEYOND = (0.15, 0.4, 1.0)
+_PARTS = 3
+# By how much performance is given up for the same end.
+_RELAXED = 1.05
+# Size that torques take for a slip error of 1, so that the solver sees numbers near 1.
+_TORQUE_SIZE = 3.0
 
 
 class SynthesisError(RuntimeError):
     """No gains were found; the text says why and what to change."""
 
 
-def design_for(lowest: float, highest: float, settings: dict[str, Any]) -> LoopDesign:
-    """Lay the grid for a range of slip poles.
-
-    It ends where a slip has all but settled within a period (``exp(-p*h) < 1e-3``), as the loop
-    hardly changes from there on.
-
-    Parameters
-    ----------
-    lowest, highest : float
-        Range of the slip pole, 1/s, above 0.
-    settings : dict
-        Entries of `LoopDesign` but for the poles, in place of their defaults, SI units.
-
-    Returns
-    -------
-    LoopDesign
-        With its grid from `lowest` on.
-
-    Raises
-    ------
-    DefinitionError
-        Naming the entry that is unknown or out of range.
-    """
-    # Checked first, as the grid's step follows from them.
-    checked = build(LoopDesign, {**settings, 'poles': (1.0,), 'largest_pole': 1.0}, 'design')
-    top = min(highest, 7.0 / checked.period)
-    steps = max(1, math.ceil(math.log(top / lowest) / checked.step - 1e-9))
-    poles = [lowest * math.exp(checked.step * k) for k in range(steps + 1)]
-    return checked.model_copy(
-        update={'poles': tuple(poles), 'largest_pole': max(highest, poles[-1])}
-    )
-
-
-def synthesize(design: LoopDesign, progress: Callable[[str], None] | None = None) -> Certificate:
+def synthesize(
+    design: LoopDesign, progress: Callable[[str, float], None] | None = None
+) -> Certificate:
     """Find gains and their certificate.
 
     Parameters
@@ -124,47 +70,60 @@ def synthesize(design: LoopDesign, progress: Callable[[str], None] | None = None
     design : LoopDesign
         What to design for.
     progress : callable, optional
-        Told what is being done.
+        Told what is being done, and the share that is done, 0 to 1.
 
     Returns
     -------
     Certificate
-        Which holds in between the points of the grid, too, as far as a grid four times as dense
-        tells; its performance is dimensionless.
+        Its inequalities hold on the grid; `traction_controller.certificate.check` looks in
+        between. Its performance is dimensionless.
 
     Raises
     ------
     SynthesisError
-        If cvxpy is not installed, there are no such gains, the solver gives up, or the
-        inequalities do not hold in between.
+        If cvxpy is not installed, there are no such gains, or the solver gives up.
     """
-    tell = progress or (lambda text: None)
-    tell('finding gains')
-    gains = _gains(design)
-    tell('finding Lyapunov matrices')
-    performance, P = _proof(design, gains)
+    tell = progress or (lambda text, share: None)
+    tell('finding gains', 0.0)
+    gains = _rounded(_hinf_gains(design) if design.kind == 'hinf' else _lqr_gains(design))
     row, column = np.triu_indices(design.n_states)
-    tell('looking in between')
-    for relaxed in _RELAXED:
-        certificate = Certificate(
-            design=design,
-            gains=gains.tolist(),
-            performance=(relaxed * performance).tolist(),
-            # A larger V leaves room for z.
-            lyapunov=(P if design.kind == 'hinf' else P * relaxed)[..., row, column].tolist(),
+    performance = np.zeros(design.grid)
+    everywhere = list(cells(design))
+    packed = np.empty(
+        (
+            len(design.delay_range), design.lag_cells, design.error_cells, design.grid, len(row)
         )
-        try:
-            found = margins(certificate, 1)
-            if found.least > 0:
-                found = margins(certificate, _LOOK)
-        except CertificateError as error:
-            raise SynthesisError(f'the solver was not accurate enough: {error}') from error
-        if found.least > 0:
-            return certificate
-    raise SynthesisError(
-        f'the inequalities hold on the grid but not {found.where} (margin {found.least:.3g}): '
-        'take more steps per stiffness error, or lower the stiffness or pole error'
+    )  # fmt: skip
+    for k, (index, delay, lags, factors) in enumerate(everywhere):
+        tell('proving', (k + 1) / (len(everywhere) + 1))
+        found, P = _proof(design, gains, delay, lags, factors)
+        performance = np.maximum(performance, found)
+        packed[index] = P[:, row, column]
+    certificate = Certificate(
+        design=design,
+        gains=gains.tolist(),
+        performance=_rounded(_RELAXED * performance).tolist(),
+        # A larger V leaves room for z.
+        lyapunov=_rounded(
+            packed if design.kind == 'hinf' else packed * math.sqrt(_RELAXED)
+        ).tolist(),
     )
+    try:
+        found_margins = margins(certificate)
+    except CertificateError as error:
+        raise SynthesisError(f'the solver was not accurate enough: {error}') from error
+    if found_margins.least < 0:
+        raise SynthesisError(
+            f'the inequalities do not hold {found_margins.where} (margin '
+            f'{found_margins.least:.3g}): take more cells or a finer grid'
+        )
+    return certificate
+
+
+def _rounded(values: Array) -> Array:
+    """Round to nine digits: more than the proof needs, and files stay readable."""
+    size = 10.0 ** (8 - np.floor(np.log10(np.maximum(np.abs(values), 1e-300))))
+    return np.asarray(np.round(values * size) / size)
 
 
 def _cvxpy() -> Any:
@@ -176,155 +135,147 @@ def _cvxpy() -> Any:
     return cvxpy
 
 
-def _sizes(design: LoopDesign) -> Array:
-    return np.array([*_SIZES, *[_SIZES[-1]] * (design.delays[1] - 1)])
+def _open_loop(design: LoopDesign, pole: float, lag: float) -> tuple[Array, Array, Array, Array]:
+    """A, B, E and sizes of states at the mean delay, torques over G and the answer."""
+    delay = (design.delays[0] + design.delays[1]) // 2
+    loop = slip_loop(pole, lag, design.period, delay, design.delays[1], design.moment_time)
+    size = np.ones(design.n_states)
+    size[TORQUE:] = design.answer(np.array(pole))
+    A = loop.A * size / size[:, None]
+    # The command counts over G and the answer, too.
+    B = (loop.B / size * size[TORQUE])[:, None]
+    E = loop.E / size[:, None]
+    E[:, 0] *= size[MOMENT]
+    return A, B, E, size
 
 
-def _points(design: LoopDesign) -> list[tuple[int, int, int, int]]:
-    """Places in the grid of poles, stiffness errors, delays and lags."""
-    counts = (len(design.poles), len(design.powers), len(design.delay_range), 2)
-    return list(itertools.product(*(range(count) for count in counts)))
-
-
-def _gains(design: LoopDesign) -> Array:
-    """First step: gains by `gain_poles`, shape (rows, g)."""
-    cp = _cvxpy()
-    s, rows = design.n_states, len(design.gain_poles)
-    # The extremes lead: stiffness taken for too low and too high. What is in between, and rates
-    # of the error, the proof sees to.
-    points = [point for point in _points(design) if point[1] in (0, len(design.powers) - 1)]
-    design = design.model_copy(update={'error_rate': 0.0})
-    X = {point: cp.Variable((s, s), symmetric=True) for point in points}
-    G = [cp.Variable((s, s)) for _ in range(rows)]
-    Y = [cp.Variable((1, s)) for _ in range(rows)]
-    performance = cp.Variable(rows)
-    scaled, unscaled = np.diag(_sizes(design)), np.diag(1 / _sizes(design))
-    weighed = np.zeros((2, s))
-    weighed[0, ERROR] = design.period / design.error_time
-    weighed = weighed @ scaled
-    pushed = np.array([[0.0], [design.effort]])
-    jolts = np.zeros((s, 2))
-    jolts[[ERROR, SLIP], 0] = SLIP_JOLT
-    jolts[TORQUE, 1] = TORQUE_JOLT
-    constraints = []
-    for point in points:
-        k, f, d, lag = point
-        L = cp.Variable((s, s), symmetric=True)
-        constraints += [after - L >> 0 for after in _after_moves(design, X, k, f, d, lag, 1)]
-        gain = min(k + f, rows - 1)
-        factor = math.exp(design.powers[f] * design.step)
-        A, B, E = slip_loop(
-            design.poles[k],
-            design.lags[lag],
-            design.period,
-            design.delay_range[d],
-            design.delays[1],
-        )
-        A = unscaled @ A @ scaled
-        B = (unscaled @ B)[:, None]
-        E = unscaled @ np.hstack([E, jolts])
-        # The gains' own scale of torque is `factor` times the true one.
-        own = np.ones(s)
-        own[TORQUE:] = factor
-        slack = np.diag(own) @ G[gain] @ np.diag(own)
-        command = Y[gain] @ np.diag(own)
-        closed = A @ slack + factor * B @ command
-        output = weighed @ slack + pushed @ command
-        middle = slack + slack.T - X[point]
-        none, past = np.zeros((s, 2)), np.zeros((E.shape[1], 2))
-        if design.kind == 'hinf':
-            disturbed = performance[gain] * np.eye(E.shape[1])
-            inequality = cp.bmat(
-                [
-                    [L, closed, E, none],
-                    [closed.T, middle, np.zeros_like(E), output.T],
-                    [E.T, np.zeros_like(E.T), disturbed, past],
-                    [none.T, output, past.T, performance[gain] * np.eye(2)],
-                ]
-            )
-        else:
-            inequality = cp.bmat(
-                [
-                    [L, closed, none],
-                    [closed.T, middle, output.T],
-                    [none.T, output, np.eye(2)],
-                ]
-            )
-            W = cp.Variable((E.shape[1], E.shape[1]), symmetric=True)
-            constraints += [
-                cp.bmat([[W, E.T], [E, X[point]]]) >> 0,
-                performance[gain] >= cp.trace(W),
-            ]
-        constraints.append(inequality >> _EDGE * np.eye(inequality.shape[0]))
-    _solve(cp, cp.sum(performance) / rows, constraints)
-    K = np.array([np.linalg.solve(g.value.T, y.value[0]) for g, y in zip(G, Y, strict=True)])
-    K = K @ unscaled
-    return np.column_stack(
-        [-K[:, SLIP], -K[:, TORQUE], -K[:, ERROR] / design.period, -K[:, FIRST_COMMAND:]]
+def _weights(design: LoopDesign) -> tuple[float, float]:
+    """Weights of slip error and command in z."""
+    return (
+        math.sqrt(design.period / design.response_time),
+        design.effort * math.sqrt(design.period * design.response_time),
     )
 
 
-def _proof(design: LoopDesign, gains: Array) -> tuple[Array, Array]:
-    """Second step: performance by `gain_poles`; P by `poles`, stiffness error, delay and lag."""
-    # The delay stays as it is, so each has a proof of its own.
-    found = [_proof_at(design, gains, d) for d in range(len(design.delay_range))]
-    performance = np.max([performance for performance, _ in found], axis=0)
-    return performance, np.stack([P for _, P in found], axis=2)
+def _as_gains(design: LoopDesign, K: Array) -> Array:
+    """Gains as a table has them, from feedbacks over G and the answer, shape (grid, s)."""
+    size = np.ones((design.grid, design.n_states))
+    size[:, TORQUE:] = design.answer(design.poles)[:, None]
+    K = -K / size * size[:, TORQUE, None]
+    return np.column_stack([K[:, ERROR], K[:, TORQUE], K[:, FIRST_COMMAND:]])
 
 
-def _proof_at(design: LoopDesign, gains: Array, d: int) -> tuple[Array, Array]:
-    """Performance (rows,) and P (poles, errors, 2, s, s) at one delay."""
+def _lqr_gains(design: LoopDesign) -> Array:
+    """Gains of the Riccati equation at every pole, at the middle of lags and delays."""
+    K = np.zeros((design.grid, design.n_states))
+    weight, effort = _weights(design)
+    for k, pole in enumerate(design.poles):
+        A, B, _, _ = _open_loop(design, float(pole), sum(design.lags) / 2)
+        q = np.zeros((design.n_states, design.n_states))
+        q[ERROR, ERROR] = weight**2
+        r = np.array([[effort**2]])
+        riccati = solve_discrete_are(A, B, q + 1e-12 * np.eye(len(q)), r)
+        K[k] = -np.linalg.solve(r + B.T @ riccati @ B, B.T @ riccati @ A)[0]
+    K[:, MOMENT] = 0.0
+    return _as_gains(design, K)
+
+
+def _hinf_gains(design: LoopDesign) -> Array:
+    """Gains of the semidefinite program over all poles."""
     cp = _cvxpy()
-    s, poles, errors = design.n_states, len(design.poles), len(design.powers)
-    points = [point for point in _points(design) if point[2] == d]
-    P = {point: cp.Variable((s, s), symmetric=True) for point in points}
-    U = {point: cp.Variable((s, s), symmetric=True) for point in points}
-    performance = cp.Variable(len(gains))
-    scaled, unscaled = np.diag(_sizes(design)), np.diag(1 / _sizes(design))
-    beyond = math.log(design.largest_pole / design.poles[-1]) / design.step
-    places = [k / _POLE_PARTS for k in range(_POLE_PARTS * (poles - 1) + 1)]
-    places += [poles - 1 + beyond * share for share in _BEYOND if beyond > 0]
-    # Where none of these gains is used, nothing is needed.
-    constraints = [performance >= 0]
-    for place, error, lag in itertools.product(
-        places, np.arange(0.0, errors - 0.5, 0.5), np.linspace(0.0, 1.0, _LAG_PARTS + 1)
-    ):
-        cell = _shares(place, poles), _shares(error, errors), d, _shares(lag, 2)
-        here, later = _interpolated(P, *cell), _interpolated(U, *cell)
-        moved = _after_moves(design, P, place, error, d, lag, -1)
-        constraints += [later - after >> 0 for after in moved]
+    s, grid = design.n_states, design.grid
+    sizes = np.array([1.0, *[_TORQUE_SIZE] * (s - 1)])
+    scaled, unscaled = np.diag(sizes), np.diag(1 / sizes)
+    X = [[cp.Variable((s, s), symmetric=True) for _ in range(grid)] for _ in design.lags]
+    known = [k for k in range(s) if k != MOMENT]
+    to_known, to_moment = np.eye(s)[:, known], np.eye(s)[:, [MOMENT]]
+    performance = cp.Variable(grid)
+    weight, effort = _weights(design)
+    weighed = np.zeros((2, s))
+    weighed[0, ERROR] = weight
+    pushed = np.array([[0.0], [effort]])
+    constraints = []
+    answers = []
+    for k, pole in enumerate(design.poles):
+        G = to_known @ cp.Variable((s - 1, s - 1)) @ to_known.T
+        G = G + to_moment @ cp.Variable((1, s))
+        Y = cp.Variable((1, s - 1))
+        answers.append((G, Y))
+        command = Y @ to_known.T
+        places = np.array([float(k)])
+        for X_lag, lag in zip(X, design.lags, strict=True):
+            A, B, E, _ = _open_loop(design, float(pole), lag)
+            A, B, E = unscaled @ A @ scaled, unscaled @ B, unscaled @ E
+            L = cp.Variable((s, s), symmetric=True)
+            for there, scale in moves(design, places):
+                # X is an inverse: it grows where P shrinks.
+                size = np.ones(s)
+                size[TORQUE:] = 1 / scale[0]
+                moved = np.diag(size) @ _at(X_lag, float(there[0])) @ np.diag(size)
+                constraints.append(moved - L >> 0)
+            closed = A @ G + B @ command
+            output = weighed @ scaled @ G + pushed @ command
+            none, past = np.zeros((s, 2)), np.zeros((2, 2))
+            disturbed = performance[k] * np.eye(2)
+            inequality = cp.bmat(
+                [
+                    [L, closed, E, none],
+                    [closed.T, G + G.T - X_lag[k], none, output.T],
+                    [E.T, none.T, disturbed, past],
+                    [none.T, output, past, disturbed],
+                ]
+            )
+            constraints.append(inequality >> _EDGE * np.eye(inequality.shape[0]))
+    _solve(cp, cp.sum(performance) / grid, constraints)
+    K = np.zeros((grid, s))
+    for k, (G, Y) in enumerate(answers):
+        inner = to_known.T @ G.value @ to_known
+        K[k, known] = np.linalg.solve(inner.T, Y.value[0])
+    return _as_gains(design, K @ unscaled)
+
+
+def _proof(
+    design: LoopDesign, gains: Array, delay: int, lags: Array, factors: Array
+) -> tuple[Array, Array]:
+    """Performance (grid,) and P (grid, s, s) in one cell."""
+    cp = _cvxpy()
+    s, grid = design.n_states, design.grid
+    P = [cp.Variable((s, s), symmetric=True) for _ in range(grid)]
+    performance = cp.Variable(grid)
+    sizes = np.array([1.0, *[_TORQUE_SIZE] * (s - 1)])
+    scaled, unscaled = np.diag(sizes), np.diag(1 / sizes)
+    middle = 2 / (1 / lags[0] + 1 / lags[1]), math.sqrt(factors[0] * factors[1])
+    corners = [middle, *itertools.product(lags, factors)]
+    constraints = []
+    for place in np.linspace(0, grid - 1, _PARTS * (grid - 1) + 1):
+        here, weight = _at(P, float(place)), _at(performance, float(place))
+        U = cp.Variable((s, s), symmetric=True)
+        for there, scale in moves(design, np.array([place])):
+            size = np.ones(s)
+            size[TORQUE:] = scale[0]
+            constraints.append(U - np.diag(size) @ _at(P, float(there[0])) @ np.diag(size) >> 0)
         kept = (1 - _KEPT) ** 2 * here
-        pole = design.poles[0] * math.exp(place * design.step)
-        factor = math.exp((error - design.error_steps) * design.step)
-        for pole_error in design.pole_errors:
-            shares = _shares(place + error + math.log(pole_error) / design.step, len(gains))
-            taken = sum(share * gains[row] for share, row in shares)
-            weight = sum(share * performance[row] for share, row in shares)
+        for lag, factor in corners:
             A, E, C = closed_loop(
-                design,
-                taken,
-                np.array(pole),
-                np.array(design.lag_at(lag)),
-                design.delay_range[d],
-                np.array(factor),
+                design, gains, np.array(place), np.array(lag), delay, np.array(factor)
             )
             A, E, C = unscaled @ A @ scaled, unscaled @ E, C @ scaled
             if design.kind == 'hinf':
                 square = np.zeros((2, 2))
                 inequality = cp.bmat(
                     [
-                        [kept - A.T @ later @ A, -A.T @ later @ E, C.T],
-                        [-E.T @ later @ A, weight * np.eye(2) - E.T @ later @ E, square],
+                        [kept - A.T @ U @ A, -A.T @ U @ E, C.T],
+                        [-E.T @ U @ A, weight * np.eye(2) - E.T @ U @ E, square],
                         [C, square, weight * np.eye(2)],
                     ]
                 )
             else:
-                inequality = kept - A.T @ later @ A - C.T @ C
-                constraints.append(cp.trace(E.T @ here @ E) <= weight)
+                inequality = kept - A.T @ U @ A - C.T @ C
+                constraints += [column @ here @ column <= weight for column in E.T]
             constraints.append(inequality >> _EDGE * np.eye(inequality.shape[0]))
-    _solve(cp, cp.sum(performance) / len(gains), constraints)
-    found = unscaled @ np.array([P[point].value for point in points]) @ unscaled
-    return np.asarray(performance.value), found.reshape(poles, errors, 2, s, s)
+    _solve(cp, cp.sum(performance) / grid, constraints)
+    found = unscaled @ np.array([matrix.value for matrix in P]) @ unscaled
+    return np.asarray(performance.value), found
 
 
 def _solve(cp: Any, objective: Any, constraints: list[Any]) -> None:
@@ -337,65 +288,25 @@ def _solve(cp: Any, objective: Any, constraints: list[Any]) -> None:
             problem.solve(solver=cp.CLARABEL)
     except cp.error.SolverError as error:
         raise SynthesisError(
-            'the solver gave up (numerical trouble): weigh the effort more, or ask for less'
+            'the solver gave up (numerical trouble): ask for a slower response, or less'
         ) from error
     if problem.status in (cp.INFEASIBLE, cp.INFEASIBLE_INACCURATE):
         raise SynthesisError(
-            'no gains stand all that was asked for: lower the stiffness error, the range of '
-            'lags, the delay or the rates'
+            'no gains stand all that was asked for: take a longer response time, or lower the '
+            'stiffness error, the range of lags, the delay or the rates'
         )
     if problem.status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
         raise SynthesisError(f'the solver gave up: {problem.status}')
 
 
-def _after_moves(
-    design: LoopDesign,
-    matrices: dict[tuple[int, int, int, int], Any],
-    place: float,
-    error: float,
-    d: int,
-    lag: float,
-    sign: int,
-) -> list[Any]:
-    """Matrices at every vertex of the moves of a sample, in the torque scale before them.
-
-    X, of sign 1, grows with the scale of the states, P, of sign -1, falls with it.
-    """
-    found: dict[tuple[float, ...], Any] = {}
-    poles, errors = len(design.poles), len(design.powers)
-    rates = (design.stiffness_rate, design.rim_speed_rate, design.error_rate)
-    for stiffness, speed, wrong in itertools.product(*(_ends(r * design.period) for r in rates)):
-        scale = np.ones(design.n_states)
-        scale[TORQUE:] = math.exp(sign * stiffness)
-        at = _shares(place + (stiffness - speed) / design.step, poles)
-        off = _shares(error + wrong / design.step, errors)
-        key = (stiffness, *itertools.chain(*at, *off))
-        if key not in found:
-            moved = _interpolated(matrices, at, off, d, _shares(lag, 2))
-            found[key] = np.diag(scale) @ moved @ np.diag(scale)
-    return list(found.values())
+def _at(values: Any, place: float) -> Any:
+    """Interpolate variables linearly at a fractional place."""
+    low = min(int(place), _length(values) - 2)
+    share = place - low
+    if share < 1e-12:
+        return values[low]
+    return (1 - share) * values[low] + share * values[low + 1]
 
 
-def _interpolated(
-    matrices: dict[tuple[int, int, int, int], Any],
-    at: list[tuple[float, int]],
-    off: list[tuple[float, int]],
-    d: int,
-    between: list[tuple[float, int]],
-) -> Any:
-    return sum(
-        a * b * c * matrices[i, j, d, k]
-        for (a, i), (b, j), (c, k) in itertools.product(at, off, between)
-        if a * b * c > 0
-    )
-
-
-def _ends(move: float) -> tuple[float, ...]:
-    return (-move, move) if move else (0.0,)
-
-
-def _shares(at: float, count: int) -> list[tuple[float, int]]:
-    """Shares of the two points of a grid around a place, held at its ends."""
-    at = min(max(at, 0.0), count - 1.0)
-    low = min(int(at), count - 2)
-    return [(1 - (at - low), low), (at - low, low + 1)]
+def _length(values: Any) -> int:
+    return len(values) if isinstance(values, list) else int(values.shape[0])

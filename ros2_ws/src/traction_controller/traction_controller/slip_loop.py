@@ -1,52 +1,49 @@
 """The slip loop that gains are designed for: one wheel, its drive's lag and delay, sampled.
 
-Small changes of slip i and shaft torque T at rim speed V and slip stiffness C follow
-`traction_model.lpv.slip_dynamics`. Counted in the torque that a slip takes in steady motion,
-``T = S*q`` with ``S = -a/b``, they are
+While a wheel drives, its slip obeys ``i' = (1 - i)/(J*omega)*(T - M - A)``, with M what turns
+against the shaft (soil and bearings) and ``A = J*omega*v'/v`` what the vehicle's own acceleration
+takes. Counted over ``G = J*omega/(1 - i)``, torques are
 
-    i' = p*(q - i),   q' = (u - q)/lag,   p = -a
+    i' = q - m,   q' = (c - q)/lag,   m' = p*(q - m),   p = r*C/G
 
-so that rim speed, stiffness and wheel enter in two numbers only: the slip pole p, which shapes
-the loop, and the torque scale S, which all torques are multiplied by. Gains need a grid over p
-alone, and one grid serves all wheels.
-
-The loop is taken in velocity form: its state is the slip error and the changes, from sample to
-sample, of slip, torque and the commands under way. That is the plant linearised along its
-trajectory (D. J. Leith and W. E. Leithead, "Gain-scheduled controller design: an analytic
-framework directly incorporating non-equilibrium plant dynamics", Int. J. Control 70, 1998), not
-only around points of rest, and the controller's law is a constant matrix on it.
+q the shaft's, c the command that arrives, m that of the soil. So G is known exactly, from rim
+speed, and what is known badly, the slip stiffness C, enters by the slip pole p alone, as a
+damping. M and A are measured, and commands count relative to them: then every state is 0 in
+steady motion whatever the soil, and the control law is a constant matrix on them. That is the
+slip-state form of the LPV model of Agriculture 2024, 14(3), 499, with the soil's moment as a
+measured disturbance. It is not linearised in slip: the soil may do what it likes, p is only how
+its moment answers to slip.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import expm
 
-from traction_model.lpv import slip_dynamics
 from traction_model.wheel import Wheel
 
 Array = NDArray[np.float64]
 
-ERROR, SLIP, TORQUE, FIRST_COMMAND = range(4)
-"""The state: slip error i - target; changes of slip and torque; then of the commands sent 1, 2,
-... samples ago. Slips and torques over the torque scale, dimensionless."""
+ERROR, TORQUE, MOMENT, FIRST_COMMAND = range(4)
+"""The state: slip error i - target; then, all less the measured moment m_f and over G (1/s):
+shaft torque, the soil's moment, and the commands sent 1, 2, ... samples ago."""
 
-PLACE, TARGET = range(2)
-"""The disturbances, both as changes from sample to sample, dimensionless: what the soil does, as
-the slip that it would lead to in steady motion; the target."""
+SOIL, TARGET = range(2)
+"""The disturbances: jumps of the soil's moment over G, 1/s, and of the target."""
 
 
 class SlipLoop(NamedTuple):
-    """The sampled loop ``x+ = A*x + B*u + E*w``, u the change of command.
+    """The sampled loop ``x+ = A*x + B*u + E*w``, u the command less the measured moment.
 
     Attributes
     ----------
     A : ndarray, shape (..., s, s)
-        State matrix, dimensionless; s is 3 and the commands held.
+        State matrix, 1 and 1/s as the states; s is 3 and the number of commands.
     B : ndarray, shape (..., s)
-        Input vector, dimensionless.
+        Input vector, as the states.
     E : ndarray, shape (..., s, 2)
-        What the disturbances do, dimensionless.
+        What the disturbances do, as the states.
     """
 
     A: Array
@@ -54,15 +51,33 @@ class SlipLoop(NamedTuple):
     E: Array
 
 
-def slip_pole(wheel: Wheel, mass: float, rim_speed: float, stiffness: float, slip: float) -> float:
-    """Slip pole p of a wheel at an operating point.
+def torque_scale(wheel: Wheel, rim_speed: float, slip: float) -> float:
+    """Torque per rate of slip.
 
     Parameters
     ----------
     wheel : Wheel
         The wheel.
-    mass : float
-        Mass that it propels, kg, above 0.
+    rim_speed : float
+        r*omega, m/s, above 0.
+    slip : float
+        Slip, at least 0 and below 1.
+
+    Returns
+    -------
+    float
+        G, N*m*s: ``J*omega/(1 - i)``.
+    """
+    return wheel.inertia * rim_speed / (wheel.radius * (1.0 - slip))
+
+
+def slip_pole(wheel: Wheel, rim_speed: float, stiffness: float, slip: float) -> float:
+    """Slip pole of a wheel at an operating point.
+
+    Parameters
+    ----------
+    wheel : Wheel
+        The wheel.
     rim_speed : float
         r*omega, m/s, above 0.
     stiffness : float
@@ -73,40 +88,15 @@ def slip_pole(wheel: Wheel, mass: float, rim_speed: float, stiffness: float, sli
     Returns
     -------
     float
-        p, 1/s: ``C*(1/m + (1 - i)*r^2/J)/V``.
+        p, 1/s: ``r*C/G``.
     """
-    return -slip_dynamics(wheel, mass, rim_speed, stiffness, slip)[0]
-
-
-def torque_scale(wheel: Wheel, mass: float, stiffness: float, slip: float) -> float:
-    """Torque per slip in steady motion.
-
-    Parameters
-    ----------
-    wheel : Wheel
-        The wheel.
-    mass : float
-        Mass that it propels, kg, above 0.
-    stiffness : float
-        Slip stiffness C, N, at least 0.
-    slip : float
-        Slip, at least 0 and below 1.
-
-    Returns
-    -------
-    float
-        S, N*m: ``r*C*(1 + J/(m*(1 - i)*r^2))``.
-    """
-    a, b = slip_dynamics(wheel, mass, 1.0, stiffness, slip)
-    return -a / b
+    return wheel.radius * stiffness / torque_scale(wheel, rim_speed, slip)
 
 
 def slip_loop(
-    pole: ArrayLike, lag: ArrayLike, period: float, delay: int, commands: int
+    pole: ArrayLike, lag: ArrayLike, period: float, delay: int, commands: int, moment_time: float
 ) -> SlipLoop:
     """Sample the loop exactly, commands held over the period.
-
-    In closed form, for many operating points at a time.
 
     Parameters
     ----------
@@ -120,37 +110,36 @@ def slip_loop(
         Samples from a command to its arrival at the drive, at least 1.
     commands : int
         Number of commands that the state holds, at least `delay`.
+    moment_time : float
+        Time constant with which the soil's moment is measured, s, above 0.
 
     Returns
     -------
     SlipLoop
-        With the leading shape of `pole`; dimensionless.
+        With the leading shape of `pole`; 1 and 1/s.
     """
     p, lag = np.broadcast_arrays(np.asarray(pole, dtype=float), np.asarray(lag, dtype=float))
-    h = period
-    s = FIRST_COMMAND + commands
-    arriving = FIRST_COMMAND + delay - 1
-    slip_kept = np.exp(-p * h)
-    torque_kept = np.exp(-h / lag)
-    # p*(exp(-h/lag) - exp(-p*h))/(p - 1/lag), also where both rates are the same.
-    apart = (p - 1 / lag) * h
-    near = np.abs(apart) < 1e-9
-    passed_on = p * h * torque_kept * np.where(
-        near, 1 - apart / 2, -np.expm1(-apart) / np.where(near, 1.0, apart)
-    )  # fmt: skip
-    A = np.zeros((*p.shape, s, s))
-    A[..., SLIP, SLIP] = slip_kept
-    A[..., SLIP, TORQUE] = passed_on
-    A[..., TORQUE, TORQUE] = torque_kept
-    A[..., SLIP, arriving] = 1 - slip_kept - passed_on
-    A[..., TORQUE, arriving] = 1 - torque_kept
-    A[..., ERROR, :] = A[..., SLIP, :]
-    A[..., ERROR, ERROR] = 1.0
-    for k in range(FIRST_COMMAND, s - 1):
-        A[..., k + 1, k] = 1.0
-    B = np.zeros((*p.shape, s))
+    # Slip, shaft torque, moment, measured moment, arriving command; not yet less the measured.
+    slope = np.zeros((*p.shape, 5, 5))
+    slope[..., 0, 1], slope[..., 0, 2] = 1.0, -1.0
+    slope[..., 1, 1], slope[..., 1, 4] = -1 / lag, 1 / lag
+    slope[..., 2, 1], slope[..., 2, 2] = p, -p
+    slope[..., 3, 2], slope[..., 3, 3] = 1 / moment_time, -1 / moment_time
+    kept = expm(slope * period)
+    size = 4 + commands
+    plain = np.zeros((*p.shape, size, size))
+    plain[..., :4, :4] = kept[..., :4, :4]
+    plain[..., :4, 3 + delay] = kept[..., :4, 4]
+    # The command sent now is u and the measured moment.
+    plain[..., 4, 3] = 1.0
+    for k in range(5, size):
+        plain[..., k, k - 1] = 1.0
+    # Less the measured moment: a shift of all torques alike changes none of the differences.
+    less = np.delete(np.eye(size), 3, axis=0)
+    less[1:, 3] = -1.0
+    back = np.delete(np.eye(size), 3, axis=1)
+    A = less @ plain @ back
+    B = np.zeros((*p.shape, size - 1))
     B[..., FIRST_COMMAND] = 1.0
-    E = np.zeros((*p.shape, s, 2))
-    E[..., ERROR, PLACE] = E[..., SLIP, PLACE] = 1 - slip_kept
-    E[..., ERROR, TARGET] = -1.0
+    E = np.stack([A[..., MOMENT], -A[..., ERROR]], axis=-1)
     return SlipLoop(A, B, E)

@@ -92,7 +92,8 @@ def read_yaml(path: Path, kind: type = dict) -> Any:
         If the file is missing, is not YAML, or does not hold what it must.
     """
     try:
-        content = yaml.safe_load(read_text(path))
+        # The parser in C where there is one: gain tables hold tens of thousands of numbers.
+        content = yaml.load(read_text(path), getattr(yaml, 'CSafeLoader', yaml.SafeLoader))
     except yaml.YAMLError as error:
         raise DefinitionError(f'{path}: not valid YAML: {error}') from error
     if not isinstance(content, kind):
