@@ -25,10 +25,17 @@ NODE = 'slip_estimator'
 RIG, SAND = load_vehicle('single_wheel_rig'), load_soil('paper_sand')
 # Slip of the drive: rim speed 0.5 m * 2 rad/s against 0.9 m/s.
 SLIP = 0.1
-# Torque to which the nominal soil answers with this slip, gross traction times radius.
-TORQUE = 0.5 * float(
-    tractive_figures(SAND, RIG.wheels[0], SLIP, RIG.mass * GRAVITY).gross_traction
-)
+
+
+def torque_for(soil, slip):
+    """Torque with which the rig runs steadily at a slip: gross traction times radius."""
+    [wheel] = RIG.wheels
+    figures = tractive_figures(soil, wheel, slip, RIG.mass * GRAVITY)
+    return wheel.radius * float(figures.gross_traction)
+
+
+# What the nominal soil answers with that slip.
+TORQUE = torque_for(SAND, SLIP)
 
 
 def estimator(namespace='', **params):
@@ -197,7 +204,7 @@ def test_joints_are_found_by_name(drive):
     ],
 )  # fmt: skip
 def test_bad_message_is_named_and_passed_over(drive, field, send, reason):
-    before = drive.run(20)
+    before = drive.run(100)
     count = len(drive.estimates)
     seen = len(field.diagnostics(f'field/{NODE}'))
 
@@ -213,9 +220,15 @@ def test_bad_message_is_named_and_passed_over(drive, field, send, reason):
     # Goes on as before, and says so.
     seen = len(field.diagnostics(f'field/{NODE}'))
     estimate = drive.run(20)
-    assert estimate.slip[0] == pytest.approx(before.slip[0], abs=0.05)
+    assert estimate.slip[0] == pytest.approx(before.slip[0], abs=0.01)
     assert all(math.isfinite(entry) for entry in estimate.slip)
-    field.wait_for(lambda: drive.run(1) and said('estimating'), 5.0, 'recovery')
+
+    def recovered():
+        # A position on the way that it drives, for where the bad one was one.
+        drive.step(0.9, fix=(0.9 * drive.t,))
+        return said('estimating')
+
+    field.wait_for(recovered, 5.0, 'recovery')
 
 
 def test_clock_that_jumps_back_starts_anew(drive, node):
@@ -237,19 +250,17 @@ def value(status, key):
 
 def test_radius_is_found_from_a_wrong_vehicle_file(tmp_path):
     # 6 % more in the file than the 0.5 m that really roll.
-    vehicle = RIG.model_dump()
+    vehicle = RIG.model_dump(mode='json')
     vehicle['axles'][0]['wheel']['radius'] = 1.06 * 0.5
     file = tmp_path / 'rig.yaml'
-    file.write_text(yaml.safe_dump(yaml.safe_load(RIG.model_dump_json()) | {}))
-    text = file.read_text().replace('radius: 0.5', f'radius: {1.06 * 0.5}')
-    file.write_text(text)
-    params = PARAMS | {'vehicle': str(file), 'calibrate_radius': True}
+    file.write_text(yaml.safe_dump(vehicle))
+    params = PARAMS | {'vehicle': str(file), 'soil': 'heavy_clay_25', 'calibrate_radius': True}
     with estimator('rolls', **params), Probe('rolls') as probe:
         probe.diagnostics(f'rolls/{NODE}')
         probe.wait_for_diagnostic(f'rolls/{NODE}', 'waiting for wheel_states')
         drive = Drive(probe)
-        # 0.05 of its load is what the wheel pulls: it rolls, at 3 m/s.
-        wheels = {'omega': 6.0, 'torque': 0.05 * RIG.mass * GRAVITY * 0.5}
+        # Hardly pulling on firm ground at 3 m/s, it rolls.
+        wheels = {'omega': 6.0, 'torque': torque_for(load_soil('heavy_clay_25'), 0.003)}
         first = drive.step(**wheels)
         assert list(first.rolling_radius) == pytest.approx([0.53])
         assert math.sqrt(first.rolling_radius_variance[0]) == pytest.approx(0.05 * 0.53)
@@ -261,9 +272,9 @@ def test_radius_is_found_from_a_wrong_vehicle_file(tmp_path):
         deviation = math.sqrt(estimate.rolling_radius_variance[0])
         assert deviation <= 0.01 * 0.53
         assert abs(estimate.rolling_radius[0] - 0.5) < 3 * deviation
-        # Rim speed and slip follow: it rolls all but without slip.
+        # Rim speed and slip follow.
         assert list(estimate.wheel_based_speed) == pytest.approx([3.0], rel=0.01)
-        assert estimate.slip[0] == pytest.approx(0.0, abs=0.015)
+        assert estimate.slip[0] == pytest.approx(0.003, abs=0.01)
         status = probe.wait_for(
             lambda: [
                 s for s in probe.diagnostics(f'rolls/{NODE}')
@@ -328,28 +339,27 @@ def test_odometry_covariance_grows_with_slip():
         odometry = probe.subscribe('odometry')
         drive = Drive(probe)
 
-        def variance():
+        def pose_covariance():
             count = len(odometry)
             drive.probe.wait_for(
                 lambda: drive.step(0.9) and len(odometry) > count, 5.0, 'odometry'
             )
-            covariance = np.reshape(odometry[-1].pose.covariance, (6, 6))
-            # One wheel tells no yaw.
-            assert covariance[1, 1] == covariance[5, 5] == UNOBSERVED
-            return covariance[0, 0]
+            return np.reshape(odometry[-1].pose.covariance, (6, 6))
 
-        variance()
+        pose_covariance()
         # With measured speed: 2 sigma^2 T for errors of the speed that last T = 0.5 s, and a
         # tenth of the slip for all the way, which adds up as it is.
         drive.run(300)
-        found = variance()
+        covariance = pose_covariance()
+        # One wheel tells no yaw.
+        assert covariance[1, 1] == covariance[5, 5] == UNOBSERVED
         estimates = drive.estimates[1 : 1 + round((seconds(
             odometry[-1].header.stamp) - 100.01) / 0.01)]  # fmt: skip
         walk = sum(0.01 * e.ground_based_speed_variance for e in estimates)
         lasting = sum(
-            0.01 * e.ground_based_speed * 0.1 * e.slip[0] for e in estimates if e.valid[0]
+            0.01 * e.ground_based_speed * 0.1 * abs(e.slip[0]) for e in estimates if e.valid[0]
         )
-        assert found == pytest.approx(walk + lasting**2, rel=1e-6)
+        assert covariance[0, 0] == pytest.approx(walk + lasting**2, rel=1e-6)
         # About 3 m at a slip of 0.1: 0.03 m of it, a good part of all.
         assert lasting > 0.02
         assert odometry[-1].pose.pose.position.x == pytest.approx(
