@@ -11,8 +11,14 @@ from traction_node.graph import NodeProcess, executable
 from traction_node.topics import topics
 
 TOPICS = topics()
-# Of a running simulation everything but what only a fault or an operator causes.
-RATES = {name: row.rate for name, row in TOPICS.items() if row.rate > 0}
+# Who speaks in a running simulation: it has no satellite receiver.
+SPEAKERS = {'plant', 'all', *(node.name for node in system(simulated=True))}
+# Everything of theirs but what only a fault or an operator causes.
+RATES = {
+    name: row.rate
+    for name, row in TOPICS.items()
+    if row.rate > 0 and SPEAKERS & set(row.source.split(', '))
+}
 
 
 @pytest.fixture(scope='module')

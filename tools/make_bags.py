@@ -61,6 +61,7 @@ class Samples:
 
     def __init__(self, recording: ChronoRecording):
         self.names = list(recording.vehicle.wheel_names)
+        self.radius = np.array([wheel.radius for wheel in recording.vehicle.wheels])
         self.time = recording.t
         self.v = recording.v
         self.x = recording.x
@@ -119,7 +120,7 @@ class Messages:
         )
 
     def slip_estimate(self, k: int):
-        """True slip and speeds."""
+        """True slip and speeds; thrust proper and slip stiffness are not known, hence NaN."""
         s = self._s
         v, rims = s.v[k], s.rim_speed[k]
         n = len(s.names)
@@ -135,6 +136,13 @@ class Messages:
             ground_based_speed_variance=0.0,
             ground_based_speed_valid=True,
             source=kind.SOURCE_SIMULATED,
+            thrust=np.full(n, np.nan),
+            slip_stiffness=np.full(n, np.nan),
+            rolling_radius=s.radius,
+            rolling_radius_variance=np.zeros(n),
+            immobilisation=kind.IMMOBILISATION_NONE,
+            immobilisation_reason='',
+            time_to_immobilisation=float('nan'),
         )
 
     def terrain_estimate(self, k: int):

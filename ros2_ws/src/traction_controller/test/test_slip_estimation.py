@@ -1,5 +1,6 @@
 """Slip estimation against Chrono's truth, and its filter against an independent one."""
 
+import copy
 import math
 
 import make_bags
@@ -452,3 +453,56 @@ def test_estimation_refuses(fault):
 def test_estimation_refuses_what_sensors_cannot_be(fault, value):
     with pytest.raises(ValueError, match=f'{fault} must be 0 to'):
         SlipEstimation(load_vehicle('single_wheel_rig'), load_soil('paper_sand'), **{fault: value})
+
+
+def test_other_rolling_radius_moves_rim_slip_and_thrust():
+    estimation = driving(2.0)
+    other = copy.deepcopy(estimation)
+    [omega] = estimation.rim_speed / 0.5
+    moment = 0.5 * estimation.thrust
+    other.set_rolling_radius([0.49])
+    assert other.rolling_radius.tolist() == [0.49]
+    assert other.rim_speed == pytest.approx([0.49 * omega])
+    assert other.slip == pytest.approx([slip(other.v, 0.49 * omega)])
+    assert other.thrust == pytest.approx(moment / 0.49)
+    # 2 % is more than what was learnt of the soil goes with.
+    assert other.max_shear_stress_variance > estimation.max_shear_stress_variance
+    # A copy's radius is its own, and stays over a reset.
+    assert estimation.rolling_radius.tolist() == [0.5]
+    other.reset()
+    assert other.rolling_radius.tolist() == [0.49]
+    near = copy.deepcopy(estimation)
+    near.set_rolling_radius([0.498])
+    assert near.max_shear_stress.tolist() == estimation.max_shear_stress.tolist()
+    assert near.max_shear_stress_variance == pytest.approx(estimation.max_shear_stress_variance)
+
+
+@pytest.mark.parametrize(
+    ('radius', 'reason'),
+    [
+        ([0.0], r'rolling radius must be above 0 m, got \[0.0\]'),
+        ([math.nan], "rolling radius of wheel 'wheel' is nan"),
+        ([0.5, 0.5], 'expected a rolling radius for each of 1 wheels, got 2'),
+    ],
+)
+def test_rolling_radius_refuses(radius, reason):
+    estimation = driving(1.0)
+    before = snapshot(estimation)
+    with pytest.raises(ValueError, match=reason):
+        estimation.set_rolling_radius(radius)
+    assert snapshot(estimation) == before
+    assert estimation.rolling_radius.tolist() == [0.5]
+
+
+def test_mobilisation_is_thrust_over_strength():
+    estimation = driving(2.0)
+    assert estimation.strength_known.all()
+    # Strength is tau_max over the contact area b*l, l = r*acos(1 - z/r), with the sinkage z at
+    # which the nominal soil carries the wheel at rest: mean pressure W/(b*l) gives it back.
+    soil = load_soil('paper_sand')
+    [load] = load_vehicle('single_wheel_rig').static_loads()
+    stress = float(SlipEstimation(load_vehicle('single_wheel_rig'), soil).max_shear_stress[0])
+    area = load * math.tan(soil.friction_angle) / (stress - soil.cohesion)
+    strength = float(estimation.max_shear_stress[0]) * area
+    assert estimation.mobilisation == pytest.approx(float(estimation.thrust[0]) / strength)
+    assert 0.0 < estimation.mobilisation < 1.0

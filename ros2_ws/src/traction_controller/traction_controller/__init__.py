@@ -4,6 +4,11 @@ from traction_controller.control_law import LAWS, Reading, SlipLaw, make_law
 from traction_controller.driveline import Differential, Grouping
 from traction_controller.exit_reason import ExitReason, LimitStatus
 from traction_controller.gain_schedule import ControlWeights, GainSchedule
+from traction_controller.gnss import GnssTrack
+from traction_controller.immobilisation import Immobilisation
+from traction_controller.odometry import PathOdometry
+from traction_controller.radius_calibration import RadiusCalibration
+from traction_controller.rolling_radius import RollingRadius
 from traction_controller.slip_control import (
     Degraded,
     Mode,
@@ -21,10 +26,15 @@ __all__ = [
     'EstimatorNoise',
     'ExitReason',
     'GainSchedule',
+    'GnssTrack',
     'Grouping',
+    'Immobilisation',
     'LimitStatus',
     'Mode',
+    'PathOdometry',
+    'RadiusCalibration',
     'Reading',
+    'RollingRadius',
     'SlipControl',
     'SlipEstimation',
     'SlipLaw',

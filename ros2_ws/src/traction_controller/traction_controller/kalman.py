@@ -202,7 +202,7 @@ def spread(method, x, p, entries, steps, root, points):
         Out, for `UKF`: Cholesky factor of the entries' covariance, lower triangle, in their
         units.
     points : ndarray, shape (1 + 2k, k)
-        Out: values of the entries, one point a row, the mean first.
+        Out: values of the entries in their units, one point a row, the mean first.
 
     Returns
     -------

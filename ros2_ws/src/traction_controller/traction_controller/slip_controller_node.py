@@ -26,8 +26,6 @@ from traction_node.stamp import between
 
 _WEIGHTS = ControlWeights()
 
-# Thrust of a terrain estimate that is older than this is not acted on, s.
-_THRUST_AGE = 0.5
 # Time between two updates of the set-point, s.
 _SET_POINT_PERIOD = 1.0
 
@@ -219,8 +217,6 @@ class SlipControllerNode(TractionLifecycleNode):
             what: JointOrder(names, what)
             for what in (
                 'wheel_states effort',
-                'terrain_estimate slip_stiffness',
-                'terrain_estimate thrust',
                 'terrain_estimate max_shear_stress',
                 'terrain_estimate valid',
                 'torque_request effort',
@@ -228,6 +224,8 @@ class SlipControllerNode(TractionLifecycleNode):
                 'slip_estimate wheel_based_speed',
                 'slip_estimate valid',
                 'slip_estimate slip_variance',
+                'slip_estimate slip_stiffness',
+                'slip_estimate thrust',
             )
         }
         self._command_publisher = self.publisher('wheel_torque_command')
@@ -238,7 +236,8 @@ class SlipControllerNode(TractionLifecycleNode):
         self._state.header.frame_id = 'base_link'
         self._start_over()
         self.subscription('slip_estimate', self._on_slip)
-        self.subscription('terrain_estimate', self._on_terrain)
+        if self._set_point is not None:
+            self.subscription('terrain_estimate', self._on_terrain)
         self.subscription('wheel_states', self._on_wheel_states)
         self.subscription('torque_request', self._on_request)
         self.subscription('slip_target', self._on_target)
@@ -254,10 +253,8 @@ class SlipControllerNode(TractionLifecycleNode):
         control.reset()
         if self._set_point is not None:
             self._set_point.reset()
-        # Until the terrain is known: soil stiff enough to be careful with.
+        # Until it is known: soil stiff enough to be careful with.
         self._stiffness = [5.0 * float(load) for load in control.vehicle.static_loads()]
-        self._thrust = None
-        self._thrust_stamp = None
         self._terrain_stamp = None
         self._shaft_torque = None
         self._shaft_stamp = None
@@ -294,17 +291,6 @@ class SlipControllerNode(TractionLifecycleNode):
         self._shaft_stamp = message.header.stamp
 
     def _on_terrain(self, message):
-        names = message.wheel_names
-        stiffness = self._take('terrain_estimate slip_stiffness', names, message.slip_stiffness)
-        if stiffness is not None:
-            self._stiffness = stiffness
-        if message.thrust:
-            self._thrust = self._take('terrain_estimate thrust', names, message.thrust)
-            self._thrust_stamp = message.header.stamp
-        if self._set_point is not None:
-            self._seek(message)
-
-    def _seek(self, message):
         """Move the set-point, now and then: ten terrain estimates a second are more than soil."""
         stamp = message.header.stamp
         dt = 0.0 if self._terrain_stamp is None else between(self._terrain_stamp, stamp)
@@ -370,6 +356,13 @@ class SlipControllerNode(TractionLifecycleNode):
             self._refuse('speed', f'slip_estimate ground_based_speed is {speed}')
             return
         self._refused.pop('speed', None)
+        # An estimator may know no soil; what is known of its stiffness holds on.
+        thrusts = None
+        if message.thrust:
+            thrusts = self._take('slip_estimate thrust', names, message.thrust)
+        if message.slip_stiffness:
+            stiffness = self._take('slip_estimate slip_stiffness', names, message.slip_stiffness)
+            self._stiffness = stiffness or self._stiffness
         silent = time.monotonic() - self._request_steady > self.p.request_timeout
         request = None if silent else self._request
         measured = message.source != SlipEstimate.SOURCE_WHEEL
@@ -385,9 +378,9 @@ class SlipControllerNode(TractionLifecycleNode):
             rims,
             speed,
             self._stiffness,
-            self._recent(self._shaft_torque, self._shaft_stamp, stamp, self.p.torque_timeout),
+            self._recent_torque(stamp),
             request,
-            thrusts=self._recent(self._thrust, self._thrust_stamp, stamp, _THRUST_AGE),
+            thrusts=thrusts,
             speed_measured=measured,
             deviations=deviations,
         )
@@ -422,11 +415,12 @@ class SlipControllerNode(TractionLifecycleNode):
         if not self._refused:
             self._report_control(request, outcomes)
 
-    def _recent(self, values, stamp, now, longest):
-        """Values that are not older than a time against now; else None."""
-        if values is None or abs(between(stamp, now)) > longest:
+    def _recent_torque(self, now):
+        """Shaft torque, if it is not older than `torque_timeout` against now; else None."""
+        torque = self._shaft_torque
+        if torque is None or abs(between(self._shaft_stamp, now)) > self.p.torque_timeout:
             return None
-        return values
+        return torque
 
     def _report_control(self, request, outcomes):
         mode = self.p.mode

@@ -130,6 +130,8 @@ STRENGTH_KNOWN = 0.15
 SINKAGE_OPEN = 0.1
 # Least slope of moment over slip, as share of radius and load.
 LEAST_STIFFNESS = 0.05
+# Change of rolling radius, as a share, beyond which what was learnt of the soil is not kept.
+OTHER_RADIUS = 0.01
 
 
 class Reading:
@@ -374,6 +376,39 @@ class SlipEstimation:
         self.rim_speed = np.zeros(n)
 
     @property
+    def rolling_radius(self) -> NDArray[np.float64]:
+        """Rolling radius of every wheel, m, shape (n,); that of the vehicle until set."""
+        return self._wheels[:, 0].copy()
+
+    def set_rolling_radius(self, radius: ArrayLike) -> None:
+        """Compute rim speed, slip and thrust with other rolling radii from now on.
+
+        A wheel whose radius changes by more than 1 % starts from the nominal soil: what was
+        learnt with a wrong slip is wrong too. `reset` keeps the radii.
+
+        Parameters
+        ----------
+        radius : array_like, shape (n,)
+            m, above 0.
+
+        Raises
+        ------
+        ValueError
+            If there is not a radius above 0 for every wheel; nothing changes then.
+        """
+        radii = self._checked('rolling radius', radius)
+        if np.any(radii <= 0.0):
+            raise ValueError(f'rolling radius must be above 0 m, got {radii.tolist()}')
+        changed = np.abs(radii / self._wheels[:, 0] - 1.0) > OTHER_RADIUS
+        # Not in place: copies of this estimate have radii of their own.
+        self._wheels = self._wheels.copy()
+        self._wheels[:, 0] = radii
+        self._body = self._body._replace(wheels=self._wheels)
+        for j in np.flatnonzero(changed):
+            doubt_soil(self._x, self._p, j, self._body.changed, False)
+        self._derive()
+
+    @property
     def v(self) -> float:
         """Speed over ground, m/s, forward positive."""
         return float(self._x[SPEED])
@@ -464,6 +499,18 @@ class SlipEstimation:
     def strength_known(self) -> NDArray[np.bool_]:
         """Whether tau_max of each wheel is known to 15 %, shape (n,)."""
         return np.asarray(self._factor(0)[1] < STRENGTH_KNOWN**2)
+
+    @property
+    def mobilisation(self) -> float:
+        """Thrust of all wheels as a share of the soil's strength under them, dimensionless.
+
+        NaN where the strength under a wheel is not known. Strength is ``tau_max*A`` with the
+        static load and the area on the nominal soil.
+        """
+        if not np.all(self.strength_known):
+            return math.nan
+        strength = float(self.max_shear_stress @ np.array(self._areas))
+        return abs(float(self.thrust.sum())) / strength
 
     @property
     def slip_stiffness(self) -> NDArray[np.float64]:

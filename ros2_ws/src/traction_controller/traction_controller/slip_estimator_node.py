@@ -1,10 +1,16 @@
-"""The node `slip_estimator`: slip, ground speed and soil strength from the vehicle's sensors."""
+"""The node `slip_estimator`: slip, speed, soil and pose from the vehicle's sensors."""
 
 import math
 from dataclasses import fields
 
+import numpy as np
+
+from traction_controller.gnss import GnssTrack
+from traction_controller.immobilisation import Immobilisation, Level, WarningLimits
 from traction_controller.kalman import method_named
-from traction_controller.odometry import PathOdometry
+from traction_controller.odometry import UNOBSERVED, PathOdometry, axle_yaw_rate
+from traction_controller.radius_calibration import GroundSource, RadiusCalibration
+from traction_controller.rolling_radius import FirmGround
 from traction_controller.slip_estimation import EstimatorNoise, SlipEstimation, Source
 from traction_interfaces.msg import SlipEstimate, TerrainEstimate
 from traction_model.soil import load_soil
@@ -17,6 +23,15 @@ from traction_node.run import run
 from traction_node.stamp import between
 
 _NOISE = EstimatorNoise()
+_LIMITS = WarningLimits()
+_GROUND = FirmGround()
+# Where the entries of x, y and yaw are in a covariance of six by six.
+_PLANAR = np.ix_([0, 1, 5], [0, 1, 5])
+
+
+def _rear_axle(vehicle):
+    """Names of the wheels of the last axle, left to right."""
+    return min(vehicle.axles, key=lambda axle: axle.x).wheel_names
 
 
 class SlipEstimatorNode(TractionLifecycleNode):
@@ -61,8 +76,28 @@ class SlipEstimatorNode(TractionLifecycleNode):
             read_only=True,
         ),
         Parameter(
-            'gnss_latency', 0.0, 'time by which the stamps of gnss_velocity are late', 's', 0.0,
-            0.5, read_only=True,
+            'gnss_latency', 0.0, 'time by which the stamps of gnss and gnss_velocity are late',
+            's', 0.0, 0.5, read_only=True,
+        ),
+        Parameter(
+            'calibrate_radius', False, 'find the rolling radii while wheels pull little',
+            read_only=True,
+        ),
+        Parameter(
+            'calibration_effort', _GROUND.largest_effort, 'thrust over load up to which a wheel '
+            'pulls little', '', 1e-3, 1.0, read_only=True,
+        ),
+        Parameter(
+            'track_width', 0.0, 'distance between the outer wheels of the rear axle, which must '
+            'not steer; 0: yaw is not estimated', 'm', 0.0, 10.0, read_only=True,
+        ),
+        Parameter(
+            'warning_horizon', _LIMITS.horizon, 'time to standstill at which immobilisation is '
+            'warned of', 's', 0.1, 60.0, read_only=True,
+        ),
+        Parameter(
+            'warning_slip', _LIMITS.slip, 'share of power lost in slip at which immobilisation is '
+            'warned of', '', 0.05, 1.0, read_only=True,
         ),
         Parameter(
             'noise_acceleration', _NOISE.acceleration, 'random walk of the drawbar, as '
@@ -112,9 +147,14 @@ class SlipEstimatorNode(TractionLifecycleNode):
 
     def check_parameters(self, p):
         """Refuse definitions that cannot be loaded."""
-        load_vehicle(p.vehicle)
+        vehicle = load_vehicle(p.vehicle)
         load_soil(p.soil)
         method_named(p.method)
+        if p.track_width and len(_rear_axle(vehicle)) < 2:
+            raise ValueError(
+                f'track_width {p.track_width} m needs a rear axle of two wheels, but {p.vehicle} '
+                'has only one there: give 0'
+            )
 
     def configure(self):
         """Build the estimator and its messages."""
@@ -134,7 +174,21 @@ class SlipEstimatorNode(TractionLifecycleNode):
             gnss_latency=p.gnss_latency,
             radar_least_speed=p.radar_least_speed,
         )
+        self._calibration = RadiusCalibration(
+            vehicle, FirmGround(largest_effort=p.calibration_effort)
+        )
+        self._nominal_radius = self._estimation.rolling_radius
+        self._track = GnssTrack(latency=p.gnss_latency, least_speed=p.least_speed)
+        self._immobilisation = Immobilisation(
+            self._nominal_radius,
+            float(vehicle.static_loads().sum()),
+            WarningLimits(
+                horizon=p.warning_horizon, slip=p.warning_slip, least_speed=p.least_speed
+            ),
+        )
         names = list(vehicle.wheel_names)
+        rear = _rear_axle(vehicle)
+        self._left, self._right = names.index(rear[0]), names.index(rear[-1])
         self._speeds = JointOrder(names, 'wheel_states velocity')
         self._torques = JointOrder(names, 'wheel_states effort')
         self._slip = SlipEstimate(wheel_names=names)
@@ -148,21 +202,28 @@ class SlipEstimatorNode(TractionLifecycleNode):
         self._odometry_message = self._odometry_publisher.msg_type()
         self._odometry_message.header.frame_id = 'odom'
         self._odometry_message.child_frame_id = 'base_link'
+        self._pose_covariance = UNOBSERVED * np.eye(6)
         self._odometry = PathOdometry()
         self._start_over()
         self.subscription('wheel_states', self._on_wheel_states)
         self.subscription('radar', self._on_radar)
-        self.subscription('gnss_velocity', self._on_gnss)
+        self.subscription('gnss_velocity', self._on_gnss_velocity)
+        self.subscription('gnss', self._on_gnss)
 
     def _start_over(self):
-        """Estimate anew; the distance travelled so far stays."""
+        """Estimate anew; the distance travelled so far and calibrated radii stay."""
         self._estimation.reset()
-        self._odometry_t = None
+        self._calibration.restart()
+        self._track.reset()
+        self._immobilisation.reset()
+        self._yaw = 0.0, math.inf
+        self._jumped = False
+        self._travelled_t = None
         self._epoch = None
         self._terrain_due = 0.0
         self._odometry_due = 0.0
         self._refused = {}
-        self._disbelieved = 0
+        self._disbelieved = set()
 
     def activate(self):
         """Begin with nothing known: the vehicle may have moved meanwhile."""
@@ -196,10 +257,12 @@ class SlipEstimatorNode(TractionLifecycleNode):
             self._refuse('wheel_states', error)
             return
         self._refused.pop('wheel_states', None)
-        if self._odometry_t is not None and t - self._odometry_t <= estimation.LONGEST_GAP:
-            dt = t - self._odometry_t
-            self._odometry.advance(dt, estimation.v, estimation.v_variance)
-        self._odometry_t = t
+        # A reading that came late has changed the estimate, not the time.
+        if t >= estimation.t:
+            self._calibration.wheels(t, omega, estimation.thrust)
+            self._track.wheels(t, float(estimation.rim_speed.mean()))
+            self._travel(t)
+            self._watch(t, np.array(omega), np.array(torque))
 
         slip = self._slip
         slip.header.stamp = message.header.stamp
@@ -211,6 +274,13 @@ class SlipEstimatorNode(TractionLifecycleNode):
         slip.ground_based_speed_variance = estimation.v_variance
         slip.ground_based_speed_valid = estimation.v_valid
         slip.source = int(estimation.source)
+        slip.thrust = estimation.thrust.tolist()
+        slip.slip_stiffness = estimation.slip_stiffness.tolist()
+        slip.rolling_radius = estimation.rolling_radius.tolist()
+        slip.rolling_radius_variance = self._calibration.radius_variance.tolist()
+        slip.immobilisation = int(self._immobilisation.level)
+        slip.immobilisation_reason = self._immobilisation.reason.value
+        slip.time_to_immobilisation = self._immobilisation.time_left
         self._publish_slip(slip)
         if t >= self._terrain_due:
             self._terrain_due = t + 1.0 / self.p.terrain_rate - 1e-6
@@ -220,13 +290,93 @@ class SlipEstimatorNode(TractionLifecycleNode):
             self._odometry_due = t + 1.0 / self.p.odometry_rate - 1e-6
             self._send_odometry(message.header.stamp)
 
+    def _travel(self, t):
+        """Move the pose on."""
+        estimation = self._estimation
+        before, self._travelled_t = self._travelled_t, t
+        if before is None or t - before > estimation.LONGEST_GAP:
+            return
+        valid = estimation.valid
+        slip = float(estimation.slip[valid].mean()) if valid.any() else 0.0
+        deviation = 0.0
+        if estimation.source is Source.WHEEL:
+            # A measured speed does not rest on the radii.
+            variance = self._calibration.radius_variance / estimation.rolling_radius**2
+            deviation = math.sqrt(variance.mean())
+        if self.p.track_width:
+            rims = estimation.rim_speed
+            self._yaw = axle_yaw_rate(
+                rims[self._left], rims[self._right], slip, self.p.track_width
+            )
+        self._odometry.advance(
+            t - before, estimation.v, estimation.v_variance, slip, deviation, *self._yaw
+        )
+
+    def _watch(self, t, omega, torque):
+        """Look for signs that the vehicle gets stuck."""
+        estimation, watch = self._estimation, self._immobilisation
+        before = watch.level
+        # It knows nominal radii: rim speeds and forces of the calibrated ones are given so.
+        scale = estimation.rolling_radius / self._nominal_radius
+        watch.step(
+            t,
+            estimation.v,
+            omega * scale,
+            torque / scale,
+            estimation.mobilisation,
+            estimation.sinkage,
+        )
+        if watch.level is not before:
+            self._report_health()
+
+    def _calibrate(self):
+        """Compute with the radii as they are known now."""
+        if self.p.calibrate_radius:
+            radius = self._calibration.radius
+            if not np.array_equal(radius, self._estimation.rolling_radius):
+                self._estimation.set_rolling_radius(radius)
+
     def _on_radar(self, message):
-        self._on_speed('radar', self._estimation.radar, message)
+        latency = self.p.radar_latency
+        self._on_speed('radar', self._estimation.radar, GroundSource.RADAR, latency, message)
+
+    def _on_gnss_velocity(self, message):
+        latency = self.p.gnss_latency
+        self._on_speed(
+            'gnss_velocity', self._estimation.gnss, GroundSource.VELOCITY, latency, message
+        )
 
     def _on_gnss(self, message):
-        self._on_speed('gnss_velocity', self._estimation.gnss, message)
+        # As of a speed.
+        if not self.active or self._epoch is None:
+            return
+        track, estimation = self._track, self._estimation
+        position = message.pose.pose.position
+        t = between(self._epoch, message.header.stamp)
+        believed = True
+        try:
+            self._jumped = not track.fix(t, [position.x, position.y, position.z])
+            if math.isfinite(track.reading_variance):
+                # The estimate takes the latency away again.
+                believed = estimation.gnss(
+                    track.speed_t + track.latency, track.reading, track.reading_variance
+                )
+        except ValueError as error:
+            self._refuse('gnss', error)
+            return
+        self._refused.pop('gnss', None)
+        self._believe('gnss', believed)
+        if self.p.calibrate_radius:
+            self._calibration.fix(track)
+            self._calibrate()
 
-    def _on_speed(self, topic, take_in, message):
+    def _believe(self, topic, believed):
+        if believed:
+            self._disbelieved.discard(topic)
+        else:
+            self._disbelieved.add(topic)
+
+    def _on_speed(self, topic, take_in, source, latency, message):
         # Before the first wheel_states there is nothing that the speed could belong to.
         if not self.active or self._epoch is None:
             return
@@ -237,9 +387,15 @@ class SlipEstimatorNode(TractionLifecycleNode):
         except ValueError as error:
             self._refuse(topic, error)
             return
-        blind = topic == 'radar' and abs(twist.twist.linear.x) < self.p.radar_least_speed
-        self._disbelieved = 0 if believed or blind else self._disbelieved + 1
         self._refused.pop(topic, None)
+        v = twist.twist.linear.x
+        if topic == 'radar' and abs(v) < self.p.radar_least_speed:
+            self._believe(topic, True)
+            return
+        self._believe(topic, believed)
+        if self.p.calibrate_radius:
+            self._calibration.speed(source, t - latency, v)
+            self._calibrate()
 
     def _send_terrain(self, stamp):
         terrain, estimation = self._terrain, self._estimation
@@ -260,24 +416,39 @@ class SlipEstimatorNode(TractionLifecycleNode):
         self._publish_terrain(terrain)
 
     def _send_odometry(self, stamp):
-        odometry = self._odometry_message
-        odometry.header.stamp = stamp
-        odometry.pose.pose.position.x = self._odometry.x
-        odometry.pose.covariance[0] = self._odometry.variance
-        odometry.twist.twist.linear.x = self._estimation.v
-        odometry.twist.covariance[0] = self._estimation.v_variance
-        self._odometry_publisher.publish(odometry)
+        message, odometry = self._odometry_message, self._odometry
+        message.header.stamp = stamp
+        pose, twist = message.pose, message.twist
+        pose.pose.position.x = odometry.x
+        pose.pose.position.y = odometry.y
+        pose.pose.orientation.z = math.sin(0.5 * odometry.yaw)
+        pose.pose.orientation.w = math.cos(0.5 * odometry.yaw)
+        self._pose_covariance[_PLANAR] = odometry.covariance
+        pose.covariance = self._pose_covariance.ravel()
+        yaw_rate, yaw_variance = self._yaw
+        twist.twist.linear.x = self._estimation.v
+        twist.twist.angular.z = yaw_rate
+        twist.covariance[0] = self._estimation.v_variance
+        twist.covariance[35] = min(yaw_variance, UNOBSERVED)
+        self._odometry_publisher.publish(message)
 
     def _refuse(self, what, error):
         self._refused[what] = str(error)
         self._report_health()
 
     def _report_health(self):
-        estimation = self._estimation
+        estimation, watch = self._estimation, self._immobilisation
         if self._refused:
             level, said = diagnostic.ERROR, 'refused: ' + '; '.join(self._refused.values())
+        elif watch.level is Level.IMMOBILISED:
+            level, said = diagnostic.ERROR, f'immobilised: {watch.reason.value}'
+        elif watch.level is Level.WARNING:
+            level, said = diagnostic.WARN, f'immobilisation is near: {watch.reason.value}'
+        elif self._jumped:
+            level, said = diagnostic.WARN, 'gnss has jumped: refused'
         elif self._disbelieved:
-            level, said = diagnostic.WARN, 'radar contradicts wheels and torque: not believed'
+            topics = ' and '.join(sorted(self._disbelieved))
+            level, said = diagnostic.WARN, f'{topics} against wheels and torque: not believed'
         elif estimation.source is Source.WHEEL:
             level, said = diagnostic.WARN, 'radar silent: slip rests on shaft torque'
         else:
@@ -287,6 +458,9 @@ class SlipEstimatorNode(TractionLifecycleNode):
             said,
             ground_speed=estimation.v,
             ground_speed_deviation=math.sqrt(estimation.v_variance),
+            gnss_refused=self._track.refused,
+            radius_state=self._calibration.state.value if self.p.calibrate_radius else 'off',
+            time_to_immobilisation=watch.time_left,
         )
 
 

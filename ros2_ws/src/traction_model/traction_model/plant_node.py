@@ -194,6 +194,10 @@ class PlantNode(TractionNode):
         truth.slip_variance = [0.0] * len(names)
         truth.ground_based_speed_valid = True
         truth.source = SlipEstimate.SOURCE_SIMULATED
+        truth.slip_stiffness = [math.nan] * len(names)
+        truth.rolling_radius = [wheel.radius for wheel in self._plant.vehicle.wheels]
+        truth.rolling_radius_variance = [0.0] * len(names)
+        truth.time_to_immobilisation = math.nan
         terrain = self._messages['ground_truth/terrain_estimate']
         terrain.header.frame_id = 'base_link'
         terrain.wheel_names = list(names)
@@ -282,6 +286,7 @@ class PlantNode(TractionNode):
         slip.valid = plant.slip_valid
         slip.wheel_based_speed = plant.rim_speed.tolist()
         slip.ground_based_speed = plant.v
+        slip.thrust = plant.thrust.tolist()
         self._send('ground_truth/slip_estimate', slip)
         if self._due('ground_truth/terrain_estimate', 10.0):
             terrain = self._messages['ground_truth/terrain_estimate']
