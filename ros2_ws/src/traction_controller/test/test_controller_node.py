@@ -89,7 +89,8 @@ class Tractor:
 @pytest.fixture(scope='module')
 def field():
     """Probe of an active controller in a namespace, as other tests start their own."""
-    with controller('field', autostart=True), Probe('field') as probe:
+    # A law of slip alone: the estimates below say nothing of thrust.
+    with controller('field', autostart=True, law='lqi'), Probe('field') as probe:
         probe.diagnostics(f'field/{NODE}')
         probe.wait_for_diagnostic(f'field/{NODE}', 'waiting for slip_estimate')
         yield probe

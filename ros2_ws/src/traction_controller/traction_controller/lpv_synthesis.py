@@ -285,7 +285,13 @@ def _solve(cp: Any, objective: Any, constraints: list[Any]) -> None:
         with warnings.catch_warnings():
             # What the solver calls inaccurate is judged by the check, which does not rest on it.
             warnings.filterwarnings('ignore', message='Solution may be inaccurate')
-            problem.solve(solver=cp.CLARABEL)
+            problem.solve(
+                solver=cp.CLARABEL,
+                tol_gap_abs=1e-5,
+                tol_gap_rel=1e-5,
+                tol_feas=1e-7,
+                accept_unknown=True,
+            )
     except cp.error.SolverError as error:
         raise SynthesisError(
             'the solver gave up (numerical trouble): ask for a slower response, or less'

@@ -65,7 +65,7 @@ class SlipControllerNode(TractionLifecycleNode):
             'slip_target', 0.2, 'slip to limit or hold, until one comes on the topic slip_target',
             '', SlipControl.LEAST_TARGET, SlipControl.MOST_TARGET,
         ),
-        Parameter('law', 'lqi', 'control law', choices=LAWS),
+        Parameter('law', 'lpv', 'control law', choices=LAWS),
         Parameter('gain_table', '', 'gain table of the law lpv: one that is shipped, or the path '
                   'of a YAML file; none: that of the vehicle, if one is shipped', read_only=True),
         Parameter('grouping', 'wheel', 'which wheels are controlled as one: one engine drives '
