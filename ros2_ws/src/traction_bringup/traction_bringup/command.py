@@ -149,7 +149,7 @@ def synthesize(
     ] = 0.1,
     lag_max: Annotated[float, typer.Option(help='Largest such lag, s.', min=1e-3)] = 0.3,
     delay: Annotated[
-        float, typer.Option(help='Transport delay, s; one more period is borne, too.', min=1e-4)
+        float, typer.Option(help='Transport delay, s.', min=1e-4)
     ] = 0.02,
     stiffness_error: Annotated[
         float, typer.Option(help='Factor by which stiffness may be misjudged.', min=1.05)
@@ -184,7 +184,7 @@ def synthesize(
             'kind': kind,
             'period': 1.0 / rate,
             'lags': (lag_min, lag_max),
-            'delays': (samples, samples + 1),
+            'delays': (samples, samples),
             'stiffness_error': stiffness_error,
             'response_time': response_time,
             'effort': effort,

@@ -84,7 +84,7 @@ class LoopDesign(Definition):
 
     kind: Literal['hinf', 'lqr'] = 'hinf'
     period: float = Field(default=0.01, gt=0)
-    delays: tuple[int, int] = (2, 3)
+    delays: tuple[int, int] = (2, 2)
     lags: tuple[float, float] = (0.1, 0.3)
     lag_cells: int = Field(default=3, ge=1)
     largest_pole: float = Field(default=13000.0, gt=0)
