@@ -121,7 +121,7 @@ FILTER = 0.04
 TRANSFER_FILTER = 0.1
 # Thrust that changes moves what holds the vehicle back, as draft that grows with speed does: by
 # which share, one standard deviation, of how much it changed over this time, s.
-DRAWBAR_SHARE, DRAWBAR_FILTER = 0.35, 0.3
+DRAWBAR_SHARE, DRAWBAR_FILTER = 0.25, 0.3
 # Quasi-static contact holds some way after a start, and after a change of soil: how many times
 # larger deviations are at first, and over what share of the radius that fades.
 START_DOUBT, START_LENGTH = 100.0, 0.6
