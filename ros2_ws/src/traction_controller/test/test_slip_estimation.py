@@ -6,7 +6,13 @@ import make_bags
 import numpy as np
 import pytest
 
-from traction_controller.slip_estimation import EstimatorNoise, SlipEstimation, Source
+from traction_controller.slip_estimation import (
+    GUESSED_SOIL,
+    EstimatorNoise,
+    SlipEstimation,
+    Source,
+)
+from traction_controller.trial import steady_pull
 from traction_model.sensors import Tachometer
 from traction_model.slip import slip
 from traction_model.soil import load_soil
@@ -74,6 +80,30 @@ def test_errors_are_as_large_as_claimed(chrono, name, method):
     assert np.mean(np.abs(error) <= 2 * deviation) >= 0.90
     # Nor are they claimed to be several times as large as they are.
     assert math.sqrt(np.mean((error / deviation) ** 2)) > 0.4
+
+
+@pytest.mark.parametrize(
+    ('speed', 'expected', 'most'),
+    # What the nominal soil says of the torque. At 1 m/s a reading is off by 0.045 of slip, and
+    # 0.04 is on the steep part of the curve.
+    [(2.5, 0.04, 0.02), (2.5, 0.2, 0.02), (1.0, 0.2, 0.02), (1.0, 0.04, 0.04)],
+)
+@pytest.mark.parametrize('seed', [0, 1])
+def test_radar_wins_over_a_guessed_soil(speed, expected, most, seed):
+    vehicle, soil = load_vehicle('tractor_4wd'), load_soil('sandy_loam_chrono')
+    rim = speed / (1 - 0.1)
+    torque, _ = steady_pull(vehicle, soil, expected, rim)
+    omega = [rim / wheel.radius for wheel in vehicle.wheels]
+    estimation = SlipEstimation(vehicle, soil, GUESSED_SOIL)
+    noise = np.random.default_rng(seed)
+    for k in range(1000):
+        estimation.wheel_states(0.01 * k, omega, torque)
+        if k % 10 == 0:
+            estimation.radar(
+                0.01 * k, speed + RADAR_SIGMA * noise.standard_normal(), RADAR_SIGMA**2
+            )
+        if k >= 500:
+            assert abs(estimation.slip.mean() - 0.1) < most
 
 
 @pytest.mark.parametrize('start', [4.0, 6.0, 9.5])

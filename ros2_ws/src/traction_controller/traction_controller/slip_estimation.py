@@ -121,6 +121,9 @@ class EstimatorNoise:
                 raise ValueError(f'noise {field.name} must be above 0, got {value}')
 
 
+GUESSED_SOIL = EstimatorNoise(strength=0.3, nominal=1.0, soil=0.03)
+"""For a nominal soil that is only a guess, with tau_max, K and n unknown by 50 %."""
+
 # Correlation of the logarithms of strength, shear deformation modulus and sinkage modulus from
 # soil to soil: what bears less is weaker, and gives way further until its strength is mobilised.
 CORRELATION = np.array([[1.0, -0.4, 0.5], [-0.4, 1.0, -0.7], [0.5, -0.7, 1.0]])
