@@ -35,7 +35,7 @@ from traction_controller.certificate import DENSER
 from traction_controller.closed_loop import DT
 from traction_controller.gain_table import read_gain_table, read_table_file
 from traction_controller.slip_control import Mode, SlipControl
-from traction_controller.slip_estimation import SlipEstimation
+from traction_controller.slip_estimation import GUESSED_SOIL, SlipEstimation
 from traction_model.soil import load_soil
 from traction_model.vehicle import load_vehicle
 
@@ -135,7 +135,7 @@ def control(controller, mode=Mode.HOLD, target=trial.TARGET):
 def estimation(controller, pulses_per_turn):
     """What a controller sees: an estimation that knows the nominal vehicle and its sensors."""
     vehicle, soil = _nominal()
-    return None if controller.truth else SlipEstimation(vehicle, soil, method=METHOD)
+    return None if controller.truth else SlipEstimation(vehicle, soil, GUESSED_SOIL, method=METHOD)
 
 
 def run_draws(controller, draws, quiet=True):

@@ -121,6 +121,9 @@ class EstimatorNoise:
                 raise ValueError(f'noise {field.name} must be above 0, got {value}')
 
 
+GUESSED_SOIL = EstimatorNoise(strength=0.3, nominal=1.0, soil=0.03)
+"""For a nominal soil that is only a guess, with tau_max, K and n unknown by 50 %."""
+
 # Correlation of the logarithms of strength, shear deformation modulus and sinkage modulus from
 # soil to soil: what bears less is weaker, and gives way further until its strength is mobilised.
 CORRELATION = np.array([[1.0, -0.4, 0.5], [-0.4, 1.0, -0.7], [0.5, -0.7, 1.0]])
@@ -210,8 +213,11 @@ class SlipEstimation:
     _SAME = 1e-6
     # Innovations beyond this many standard deviations are not believed ...
     _GATE = 5.0
-    # ... unless they go on for this long, s: then it is the estimate that is wrong.
-    _LONGEST_DISBELIEF = 0.5
+    # ... unless so many in a row agree with each other, to within that many standard deviations
+    # of two readings and what the vehicle may speed up, m/s^2, meanwhile: then it is the estimate
+    # that is wrong.
+    _AGREEING = 3
+    _LARGEST_ACCELERATION = 5.0
     # Weight of the newest speed in the mean innovation, and how large that mean may grow, in
     # standard deviations of one innovation (a sixth of which is its own).
     _SURPRISE_SHARE = 0.05
@@ -219,8 +225,11 @@ class SlipEstimation:
     # Ground speed is valid up to this standard deviation, m/s.
     _LARGEST_DEVIATION = 0.5
 
-    # Of the sensors of speed: time of the newest, since when one is not believed, mean surprise.
-    _SPEED_T, _DISBELIEVED, _SPEED_SURPRISE = range(SCALARS, SCALARS + 3)
+    # Of the sensors of speed: time of the newest, mean surprise, and time, speed and number of
+    # readings that agree with each other and are not believed.
+    _SPEED_T, _SPEED_SURPRISE, _REFUSED_T, _REFUSED, _IN_A_ROW, _SCALARS = range(
+        SCALARS, SCALARS + 6
+    )
 
     def __init__(
         self,
@@ -322,7 +331,7 @@ class SlipEstimation:
             1 + int(self._wheels[:, -1].max()) if self._wheels[0, -1] >= 0 else 0,
             float(np.ptp(self.vehicle.wheel_positions)),
         )
-        shapes = [(m,), (m, m), (n, MEMORY), (SCALARS + 3,), *[ruts.depth.shape] * 3]
+        shapes = [(m,), (m, m), (n, MEMORY), (self._SCALARS,), *[ruts.depth.shape] * 3]
         ends = np.cumsum([math.prod(shape) for shape in shapes])
         self._state = np.zeros(ends[-1])
         parts = [
@@ -367,7 +376,6 @@ class SlipEstimation:
         self._memory[:, HELD_UNTIL] = -1.0
         self._scalars[CHANGED] = -math.inf
         self._scalars[self._SPEED_T] = -math.inf
-        self._scalars[self._DISBELIEVED] = math.inf
         self._spare.extend(self._readings)
         self._readings.clear()
         self.slip = np.zeros(n)
@@ -602,8 +610,8 @@ class SlipEstimation:
         -------
         bool
             False where the reading was not believed: more than five standard deviations
-            from what is expected. If that goes on for half a second, the estimate is given
-            up for the reading. False too where it is none, below `radar_least_speed`, and
+            from what is expected. Where three in a row agree with each other, the estimate is
+            given up for the third. False too where it is none, below `radar_least_speed`, and
             where it is older than all readings of the wheels.
 
         Raises
@@ -755,9 +763,12 @@ class SlipEstimation:
         # What it was at the time of the reading.
         v -= scalars[ACCELERATION] * (t - reading.t)
         if self._unlikely(v, variance):
-            if math.isinf(scalars[self._DISBELIEVED]):
-                scalars[self._DISBELIEVED] = t
-            if t - scalars[self._DISBELIEVED] < self._LONGEST_DISBELIEF - 1e-9:
+            off = self._GATE * math.sqrt(2 * variance)
+            off += self._LARGEST_ACCELERATION * abs(t - scalars[self._REFUSED_T])
+            agrees = scalars[self._IN_A_ROW] > 0 and abs(v - scalars[self._REFUSED]) <= off
+            scalars[self._IN_A_ROW] = scalars[self._IN_A_ROW] + 1 if agrees else 1
+            scalars[self._REFUSED_T], scalars[self._REFUSED] = t, v
+            if scalars[self._IN_A_ROW] < self._AGREEING:
                 return False
             self._x[SPEED] = v
             forget(self._p, SPEED, variance)
@@ -774,14 +785,14 @@ class SlipEstimation:
                 forget(self._p, SPEED, self._SURPRISE_SHARE * expected**2)
                 self._doubt()
             take_in_speed(self._x, self._p, v, variance)
-        scalars[self._DISBELIEVED] = math.inf
+        scalars[self._IN_A_ROW] = 0
         scalars[self._SPEED_T] = max(scalars[self._SPEED_T], t)
         return True
 
     def _doubt(self) -> None:
-        """Start from the nominal soil anew, and keep the drawbar, but trust it little."""
+        """Keep soil and drawbar, but trust them little."""
         for j in range(self.n_wheels):
-            doubt_soil(self._x, self._p, j, self._body.changed, False)
+            doubt_soil(self._x, self._p, j, self._body.changed, True)
         forget(self._p, DRAWBAR, self._unknown_drawbar**2)
         self._p[SPEED, SPEED] += self.noise.speed**2
         self._scalars[self._SPEED_SURPRISE] = 0.0

@@ -50,8 +50,10 @@ PER_WHEEL = 3
 ) = range(22)  # fmt: skip
 
 # And of the vehicle: time, place along the path, distance since standstill, acceleration of the
-# last step and smoothed, time of the last change of soil.
-TIME, PLACE, TRAVELLED, ACCELERATION, SMOOTH_ACCELERATION, CHANGED, SCALARS = range(7)
+# last step and smoothed, time of the last change of soil, smoothed thrust of all wheels.
+TIME, PLACE, TRAVELLED, ACCELERATION, SMOOTH_ACCELERATION, CHANGED, SMOOTH_THRUST, SCALARS = range(
+    8
+)
 
 
 class Noise(NamedTuple):
@@ -117,6 +119,9 @@ class Body(NamedTuple):
 # Time constant of the filter of moments, s, and of acceleration for load transfer.
 FILTER = 0.04
 TRANSFER_FILTER = 0.1
+# Thrust that changes moves what holds the vehicle back, as draft that grows with speed does: by
+# which share, one standard deviation, of how much it changed over this time, s.
+DRAWBAR_SHARE, DRAWBAR_FILTER = 0.25, 0.3
 # Quasi-static contact holds some way after a start, and after a change of soil: how many times
 # larger deviations are at first, and over what share of the radius that fades.
 START_DOUBT, START_LENGTH = 100.0, 0.6
@@ -233,6 +238,7 @@ def begin(t, omega, torque, x, p, memory, scalars, body, noise):
         kept[SMOOTH_DRIVE] = torque[j] - wheel[FRICTION] * omega[j]
         kept[MOMENT] = kept[SMOOTH_DRIVE]
         kept[LOAD] = wheel[STATIC_LOAD]
+        scalars[SMOOTH_THRUST] += kept[MOMENT] / wheel[RADIUS]
     # Rolling, give or take half of it: the wheels may be slipping already.
     rim = float(np.median(rims))
     x[SPEED] = rim
@@ -265,6 +271,7 @@ def advance(t, omega, torque, x, p, memory, scalars, ruts, body, noise):
     dt = t - scalars[TIME]
     share = 1.0 - math.exp(-dt / FILTER)
     acceleration = -x[DRAWBAR]
+    thrust = 0.0
     slope = np.zeros(m)
     slope[DRAWBAR] = -1.0
     rest = 0.0
@@ -288,6 +295,7 @@ def advance(t, omega, torque, x, p, memory, scalars, ruts, body, noise):
         # The impulse needs no filter: a tachometer's errors cancel from reading to reading.
         impulse = (drive - wheel[INERTIA] * (kept[OMEGA] - before) / dt) / wheel[RADIUS]
         acceleration += impulse - kept[RESISTANCE]
+        thrust += kept[MOMENT] / wheel[RADIUS]
         slope[SPEED] -= kept[BY_SPEED]
         for a in range(PER_WHEEL):
             slope[FIRST_WHEEL + PER_WHEEL * j + a] = -kept[BY_STRENGTH + a]
@@ -313,6 +321,10 @@ def advance(t, omega, torque, x, p, memory, scalars, ruts, body, noise):
     p[SPEED, SPEED] = corner + noise.speed**2 * dt + rest * (dt / mass) ** 2
     steady = math.exp(-(t - scalars[CHANGED]) / STEADY_TIME)
     p[DRAWBAR, DRAWBAR] += (noise.drawbar * (1.0 - (1.0 - STEADY_DRAWBAR) * steady)) ** 2 * dt
+    share = 1.0 - math.exp(-dt / DRAWBAR_FILTER)
+    change = thrust - scalars[SMOOTH_THRUST]
+    scalars[SMOOTH_THRUST] += share * change
+    p[DRAWBAR, DRAWBAR] += share * (DRAWBAR_SHARE * change) ** 2
     for j in range(n):
         first = FIRST_WHEEL + PER_WHEEL * j
         for a in range(PER_WHEEL):
@@ -470,7 +482,7 @@ def take_in_wheels(method, t, omega, torque, x, p, memory, scalars, ruts, body, 
         Its covariance, in products of these units.
     memory : ndarray, shape (n, 22)
         What is kept of each wheel, SI units.
-    scalars : ndarray, shape (6,)
+    scalars : ndarray, shape (7,)
         What is kept of the vehicle, SI units.
     ruts : Ruts
         What the wheels have left.
