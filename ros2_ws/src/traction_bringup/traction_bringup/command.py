@@ -148,9 +148,7 @@ def synthesize(
         float, typer.Option(help='Least lag from command to shaft torque, s.', min=1e-3)
     ] = 0.1,
     lag_max: Annotated[float, typer.Option(help='Largest such lag, s.', min=1e-3)] = 0.3,
-    delay: Annotated[
-        float, typer.Option(help='Transport delay, s.', min=1e-4)
-    ] = 0.02,
+    delay: Annotated[float, typer.Option(help='Transport delay, s.', min=1e-4)] = 0.02,
     stiffness_error: Annotated[
         float, typer.Option(help='Factor by which stiffness may be misjudged.', min=1.05)
     ] = 2.0,
