@@ -25,7 +25,7 @@ class Constant:
 
 
 # Gains of about the size that the regulator has on loam.
-TABLE = Constant(5000.0, 0.3, 30000.0, 0.1, 0.05)
+TABLE = Constant(30000.0, 0.3, 0.1, 0.05)
 SETTINGS = {'lpv': {'gain_table': TABLE}}
 
 

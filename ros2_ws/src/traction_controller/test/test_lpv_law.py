@@ -48,7 +48,7 @@ def test_steps_by_hand():
     assert made.torque(told, 0.2, 950.0, 1e-9) == pytest.approx(950.0, abs=1e-3)
     assert table.asked == (1.7, 7e4)
     assert made.gains == (1000.0, 0.5, 0.0, 0.2, 0.1)
-    # The difference of 45 N*m is gone after many of its time constants of 0.2 s. Commands 930
+    # The difference of 45 N*m is gone after many of its time constants of 0.1 s. Commands 930
     # and 950: 925 - 0.2*80 - 0.1*100 = 899.
     assert made.torque(told, 0.2, 930.0, 10.0) == pytest.approx(899.0, abs=1e-3)
 

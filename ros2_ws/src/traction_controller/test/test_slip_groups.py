@@ -1,5 +1,7 @@
 """Groups of wheels: which slip counts, how torque is split, what is passed on at a change."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -8,15 +10,15 @@ from hypothesis import strategies as st
 from traction_controller.control_law import LAWS
 from traction_controller.driveline import DRIVEN_AXLES, Differential, Grouping
 from traction_controller.exit_reason import ExitReason, LimitStatus
-from traction_controller.lqi_law import LqiLaw
+from traction_controller.gain_table import read_gain_table
 from traction_controller.slip_control import Mode, SlipControl, TargetSource
 from traction_model.vehicle import load_vehicle
 
 TRACTOR = load_vehicle('tractor_4wd')
 LOADS = [float(load) for load in TRACTOR.static_loads()]
-TABLE = LqiLaw(TRACTOR.wheels[3], LOADS[3], slip=0.2, lag=0.1, dt=0.01).schedule
-SETTINGS = {'lpv': {'gain_table': TABLE}}
 DT = 0.01
+GAINS = Path(__file__).parents[1] / 'config' / 'gains' / 'tractor_4wd.yaml'
+SETTINGS = {'lpv': {'gain_table': read_gain_table(GAINS, TRACTOR, DT)}}
 # One for all tests that begin with a reset: making it takes a while.
 CONTROL = SlipControl(TRACTOR, 0.2, settings=SETTINGS, hold_torque=20000.0)
 
@@ -226,7 +228,9 @@ def test_torque_that_is_not_delivered_is_not_remembered(control, linear_wheels, 
         # A tenth of what was sent and 2 % of load times radius may be missing, and a little
         # more, as what is missing beyond that shows only after the lag.
         most = (1500.0 + 0.02 * LOADS[j] * wheel.radius) / 0.9
-        assert 1500.0 <= torques[-1, j] < 1.2 * most
+        # The law lpv has no memory that could ask for more and more: what it asks for is what
+        # the slip error is worth.
+        assert 1500.0 <= torques[-1, j] < (2.0 if law == 'lpv' else 1.2) * most
     # When a wheel then loses its grip, its torque falls below what it had within 0.15 s; without
     # this it would first have to come down from 15000 N*m.
     for _ in range(15):
@@ -298,7 +302,8 @@ def test_limit_never_exceeds_any_request(law, grouping, differential, driven, dr
         for outcome, request in zip(outcomes, requests, strict=True):
             # Along the request, from nothing to all of it (1e-12 of it is rounding).
             assert outcome.torque == 0.0 or (outcome.torque > 0.0) == (request > 0.0)
-            assert abs(outcome.torque) <= abs(request) * (1 + 1e-12)
+            # Below the smallest normal number no share of it is left to round by.
+            assert abs(outcome.torque) <= abs(request) * (1 + 1e-12) + 1e-300
             assert 0.01 <= outcome.slip_target <= control.slip_target
 
 
@@ -338,12 +343,15 @@ def test_changes_that_change_nothing_are_none(control):
 
 
 def test_settings_of_each_wheel():
-    strong, weak = Constant(2e5), Constant(1e5)
+    strong, weak = Constant(2e3), Constant(1e3)
     tables = {'fl': strong, 'fr': weak, 'rl': strong, 'rr': weak}
     control = SlipControl(TRACTOR, 0.2, law='lpv', settings={'lpv': {'gain_table': tables}})
+    step(control, 0.1, 9000.0)
     torques = [outcome.torque for outcome in step(control, 0.1, 9000.0)]
-    # One step of integral action on an error of 0.1.
-    assert torques == pytest.approx([200.0, 100.0, 200.0, 100.0])
+    # No thrust, so only the gain times an error of 0.1 is left, of which the part sent before the
+    # first step, none, gives way within a tenth of a second.
+    assert torques[1] > 0.0
+    assert torques == pytest.approx([2 * torques[1], torques[1], 2 * torques[1], torques[1]])
     del tables['rr']
     with pytest.raises(
         ValueError, match="gain_table of control law 'lpv' has nothing for wheel 'rr'"
@@ -352,13 +360,13 @@ def test_settings_of_each_wheel():
 
 
 class Constant:
-    """A gain table with nothing but a gain on the integral."""
+    """A gain table with nothing but a gain on slip."""
 
-    def __init__(self, integral):
-        self.integral = integral
+    def __init__(self, slip):
+        self.slip = slip
 
     def at(self, rim_speed, stiffness):
-        return 0.0, 0.0, self.integral
+        return self.slip, 0.0
 
 
 def test_refused_changes_leave_everything(control):

@@ -84,7 +84,7 @@ class LpvLaw:
         lag: float,
         dt: float,
         gain_table: Gains | None = None,
-        takeover_time: float = 0.2,
+        takeover_time: float = 0.1,
         acceleration_time: float = 0.15,
     ) -> None:
         if gain_table is None:
@@ -152,10 +152,9 @@ class LpvLaw:
 
     def _relative_acceleration(self, speed: float, dt: float) -> float:
         """v'/v of the vehicle, filtered, 1/s."""
-        if self._last_speed is not None and dt > 0.0:
-            share = dt / (self._acceleration_time + dt)
-            newest = (speed - self._last_speed) / dt
-            self._acceleration += share * (newest - self._acceleration)
+        if self._last_speed is not None:
+            gained = speed - self._last_speed - self._acceleration * dt
+            self._acceleration += gained / (self._acceleration_time + dt)
         self._last_speed = speed
         relative = self._acceleration / max(speed, self._SLOWEST)
         return min(max(relative, -self._MOST), self._MOST)
