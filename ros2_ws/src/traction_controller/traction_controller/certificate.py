@@ -130,7 +130,7 @@ class LoopDesign(Definition):
         Parameters
         ----------
         place : ndarray
-            Places, 0 at the first point, 1 at the second.
+            Places, 0 at the first point, 1 at the second, dimensionless.
 
         Returns
         -------
@@ -277,7 +277,7 @@ def closed_loop(
     gains : ndarray, shape (grid, g)
         Gains as in `Certificate`, 1/s and dimensionless.
     place : ndarray, shape (...)
-        Place of the slip pole in the grid.
+        Place of the slip pole in the grid, dimensionless.
     lag : ndarray, shape (...)
         Lag, s.
     delay : int
@@ -344,12 +344,12 @@ def moves(design: LoopDesign, place: Array) -> Iterator[tuple[Array, Array]]:
     design : LoopDesign
         What the rates are of.
     place : ndarray, shape (k,)
-        Places in the grid.
+        Places in the grid, dimensionless.
 
     Yields
     ------
     there : ndarray, shape (k,)
-        Places in the grid, held within it.
+        Places in the grid, held within it, dimensionless.
     scale : ndarray, shape (k,)
         What torques have to be multiplied by for it, dimensionless.
     """

@@ -41,9 +41,9 @@ class SlipLoop(NamedTuple):
     A : ndarray, shape (..., s, s)
         State matrix, 1 and 1/s as the states; s is 3 and the number of commands.
     B : ndarray, shape (..., s)
-        Input vector, as the states.
+        Input vector, 1 and 1/s as the states.
     E : ndarray, shape (..., s, 2)
-        What the disturbances do, as the states.
+        What the disturbances do, 1 and 1/s as the states.
     """
 
     A: Array
