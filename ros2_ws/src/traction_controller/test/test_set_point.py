@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from traction_controller.set_point import SetPoint, with_shear
+from traction_controller.set_point import SetPoint
 from traction_controller.slip_estimation import SlipEstimation
 from traction_model.soil import load_soil
 from traction_model.tractive import greatest_pull_slip, optimum_slip, tractive_figures
@@ -33,7 +33,7 @@ def goal(strength=1.0, modulus=1.0, weight=0.0, valid=ALL):
 @pytest.mark.parametrize('strength', [0.35, 1.0, 2.7])
 @pytest.mark.parametrize('modulus', [0.4, 1.0, 2.5])
 def test_best_efficiency_is_that_of_the_contact_form(strength, modulus):
-    expected = optimum_slip(with_shear(LOAM, strength, modulus), TRACTOR)
+    expected = optimum_slip(LOAM.sheared(strength, modulus), TRACTOR)
     assert goal(strength, modulus) == pytest.approx(expected, abs=0.003)
 
 

@@ -30,33 +30,6 @@ _MODULI = np.geomspace(0.25, 4.0, 9)
 _SLIPS = np.linspace(0.01, 0.6, 60)
 
 
-def with_shear(soil: Soil, strength: float, modulus: float) -> Soil:
-    """Return a soil that shears otherwise but carries as well.
-
-    Parameters
-    ----------
-    soil : Soil
-        The soil.
-    strength : float
-        Factor on cohesion and tan(phi), and so on every maximum shear stress, dimensionless,
-        above 0.
-    modulus : float
-        Factor on the shear deformation modulus, dimensionless, above 0.
-
-    Returns
-    -------
-    Soil
-        The soil, in SI units.
-    """
-    return soil.model_copy(
-        update={
-            'cohesion': soil.cohesion * strength,
-            'friction_angle': math.atan(strength * math.tan(soil.friction_angle)),
-            'shear_deformation_modulus': soil.shear_deformation_modulus * modulus,
-        }
-    )
-
-
 class SetPoint:
     """Seeks the slip target from the estimated soil.
 
@@ -126,7 +99,7 @@ class SetPoint:
         for k, (wheel, load) in enumerate(kinds):
             for p, strength in enumerate(_STRENGTHS):
                 for q, modulus in enumerate(_MODULI):
-                    ground = with_shear(soil, float(strength), float(modulus))
+                    ground = soil.sheared(float(strength), float(modulus))
                     figures = tractive_figures(ground, wheel, _SLIPS, load)
                     self._curves[k, p, q] = figures.gross_traction, figures.net_traction
         self.reset()

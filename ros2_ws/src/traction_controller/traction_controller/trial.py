@@ -286,16 +286,9 @@ def drawn_soil(soil: Soil, draw: Draw, weakened: float = 1.0) -> Soil:
     Soil
         SI units.
     """
-    strength = draw.strength * weakened
-    modulus = soil.shear_deformation_modulus * draw.shear_deformation_modulus
-    return soil.model_copy(
-        update={
-            'cohesion': soil.cohesion * strength,
-            'friction_angle': math.atan(strength * math.tan(soil.friction_angle)),
-            'shear_deformation_modulus': modulus,
-            'sinkage_exponent': soil.sinkage_exponent * draw.sinkage_exponent,
-        }
-    )
+    sheared = soil.sheared(draw.strength * weakened, draw.shear_deformation_modulus)
+    exponent = soil.sinkage_exponent * draw.sinkage_exponent
+    return sheared.model_copy(update={'sinkage_exponent': exponent})
 
 
 def steady_pull(vehicle: Vehicle, soil: Soil, slip: float, speed: float) -> tuple[Array, float]:

@@ -174,6 +174,30 @@ class Soil(Definition):
             ]
         )
 
+    def sheared(self, strength: float, modulus: float = 1.0) -> 'Soil':
+        """Return a soil that shears otherwise but carries as well.
+
+        Parameters
+        ----------
+        strength : float
+            Factor on cohesion and tan(phi), and so on every maximum shear stress, dimensionless,
+            above 0.
+        modulus : float
+            Factor on the shear deformation modulus, dimensionless, above 0.
+
+        Returns
+        -------
+        Soil
+            The soil, in SI units.
+        """
+        return self.model_copy(
+            update={
+                'cohesion': self.cohesion * strength,
+                'friction_angle': math.atan(strength * math.tan(self.friction_angle)),
+                'shear_deformation_modulus': self.shear_deformation_modulus * modulus,
+            }
+        )
+
     def max_shear_stress(self, pressure: float) -> float:
         """Mohr-Coulomb shear strength under a mean pressure, equation (18) of the paper.
 

@@ -178,16 +178,6 @@ def read_trials(path: str | Path) -> dict[str, Trials]:
     return trials
 
 
-def _with_strength(soil: Soil, share: float) -> Soil:
-    """Soil with its cohesion and tan(phi) multiplied."""
-    return soil.model_copy(
-        update={
-            'cohesion': share * soil.cohesion,
-            'friction_angle': math.atan(share * math.tan(soil.friction_angle)),
-        }
-    )
-
-
 def predict(trials: Trials, soil: Soil, wheel: Wheel, form: Form = Form.CONTACT) -> Prediction:
     """Drawbar over load and sinkage of the model in steady motion, at the measured loads.
 
@@ -267,7 +257,7 @@ def compare(
 
     def at_rim(free: NDArray[np.float64]) -> Soil:
         share, log_modulus = map(float, free)
-        weaker = _with_strength(soil, share)
+        weaker = soil.sheared(share)
         return weaker.model_copy(update={'shear_deformation_modulus': math.exp(log_modulus)})
 
     low, high = np.log(SHEAR_MODULI)
