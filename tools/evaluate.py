@@ -135,7 +135,11 @@ def control(controller, mode=Mode.HOLD, target=trial.TARGET):
 def estimation(controller, pulses_per_turn):
     """What a controller sees: an estimation that knows the nominal vehicle and its sensors."""
     vehicle, soil = _nominal()
-    return None if controller.truth else SlipEstimation(vehicle, soil, GUESSED_SOIL, method=METHOD)
+    if controller.truth:
+        return None
+    return SlipEstimation(
+        vehicle, soil, GUESSED_SOIL, method=METHOD, tachometer_pulses=pulses_per_turn
+    )
 
 
 def run_draws(controller, draws, quiet=True):
@@ -151,10 +155,8 @@ def run_draws(controller, draws, quiet=True):
             lambda draw: control(controller),
             quiet,
         )
-        noisy = trial.answer(driven.stepped, driven.unstepped, driven.step_time).mean(axis=1)
-        outcomes.append(
-            Outcome(driven.figures, np.array([noisy, driven.quiet_answer.mean(axis=1)]))
-        )
+        answers = np.array([driven.noisy_answer, driven.quiet_answer])
+        outcomes.append(Outcome(driven.figures, answers))
     return outcomes
 
 
@@ -246,9 +248,9 @@ class Result:
         """Root mean square slip error over all trials."""
         return float(np.sqrt(np.mean(self.columns['rmse'] ** 2)))
 
-    def settling_beyond_lag(self, kind='settling'):
-        """95th percentile of settling time less the draw's own lag, s."""
-        return quantile(self.columns[kind] - self.lags, 0.95)
+    def settling_beyond_lag(self, kind='settling', share=0.95):
+        """Percentile of settling time less the draw's own lag, s."""
+        return quantile(self.columns[kind] - self.lags, share)
 
     @property
     def efficiency(self):
@@ -326,7 +328,9 @@ def figure_row(result):
     return [
         f'{100 * result.stable:.1f}',
         seconds(quantile(c['settling_quiet'], 0.5)),
+        seconds(result.settling_beyond_lag('settling_quiet', 0.75)),
         seconds(result.settling_beyond_lag('settling_quiet')),
+        seconds(result.settling_beyond_lag('settling_throughout')),
         seconds(quantile(c['settling'], 0.5)),
         seconds(result.settling_beyond_lag()),
         f'{100 * quantile(c["overshoot_quiet"], 0.95):.0f}',
@@ -342,7 +346,8 @@ def figure_row(result):
 
 
 HEADINGS = (
-    'stable, %', 'settling without noise, 50 %, s', 'less lag, 95 %, s', 'with noise, 50 %, s',
+    'stable, %', 'settling without noise, 50 %, s', 'less lag, 75 %, s', 'less lag, 95 %, s',
+    'all wheels throughout, less lag, 95 %, s', 'settling with noise, 50 %, s',
     'less lag, 95 %, s', 'overshoot without noise, 95 %, %', 'with noise', 'slip RMSE',
     'RMSE 50 %', 'RMSE before tau_max halves', 'peak 50 %', 'peak 95 %', 'work per energy',
     'estimate RMSE 50 %',

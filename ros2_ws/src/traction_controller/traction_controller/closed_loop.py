@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from traction_controller.slip_control import SlipControl
 from traction_controller.slip_estimation import SlipEstimation, Source
-from traction_controller.wheel_speed import WheelSpeedFilter
 from traction_model.contact import shear_deficit
 from traction_model.sensors import Radar, RadarModel, Tachometer
 from traction_model.simulate import Plant
@@ -221,7 +220,6 @@ class ClosedLoop:
         self._torque_noise = sensors.torque_noise * vehicle.static_loads() * radii
         n = plant.n_wheels
         self._tachometer = Tachometer(n, sensors.pulses_per_turn)
-        self._wheel_speeds = WheelSpeedFilter(sensors.pulses_per_turn)
         self._radar = Radar(sensors.radar, seed)
         self._random = np.random.default_rng((seed, 1))
         self._radar_every = max(1, round(sensors.radar_period / DT))
@@ -260,8 +258,7 @@ class ClosedLoop:
             self._truth.look()
         else:
             seen = estimation
-            wheel_speeds = self._wheel_speeds.update(measured_omega, DT)
-            estimation.wheel_states(t, wheel_speeds, measured_torque)
+            estimation.wheel_states(t, measured_omega, measured_torque)
             for stamp, speed in self._radar.deliver(t):
                 estimation.radar(stamp, speed, max(self.sensors.radar.noise, 1e-3) ** 2)
         slip_estimate = seen.slip.tolist()

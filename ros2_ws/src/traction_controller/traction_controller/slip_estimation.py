@@ -99,7 +99,8 @@ class EstimatorNoise:
     wheel_speed : float
         Standard deviation of a reading of a tachometer without pulses, rad/s.
     wheel_acceleration : float
-        Random walk of the wheel speed, for a tachometer that counts pulses, rad/s per sqrt(s).
+        Random walk of the wheel speed, for a tachometer that counts pulses, as a share of it,
+        1 per sqrt(s).
     """
 
     acceleration: float = 0.22
@@ -112,7 +113,7 @@ class EstimatorNoise:
     thrust: float = 0.03
     slip: float = 0.03
     wheel_speed: float = 0.005
-    wheel_acceleration: float = 0.2
+    wheel_acceleration: float = 0.07
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -723,7 +724,7 @@ class SlipEstimation:
             )  # fmt: skip
         rims = self._wheels[:, 0] * self._memory[:, OMEGA]
         if np.max(np.abs(rims)) < self.least_speed:
-            self._stand_still(float(rims[np.argmin(np.abs(rims))]))
+            self._stand_still(int(np.argmin(np.abs(rims))))
 
     def _load_covariance(self, schedule: ScheduledCovariance) -> None:
         """Take the covariance that belongs to the present speed, slip and silence."""
@@ -737,13 +738,15 @@ class SlipEstimation:
                 abs(self.v), mean, t - scalars[self._SPEED_T], t - scalars[CHANGED], self._p
             )
 
-    def _stand_still(self, rim: float) -> None:
+    def _stand_still(self, slowest: int) -> None:
         """All wheels (nearly) stand: so does the vehicle, unless a sensor says otherwise."""
+        radius, kept = self._wheels[slowest, 0], self._memory[slowest]
+        rim = float(radius * kept[OMEGA])
         scalars = self._scalars
         scalars[TRAVELLED] = 0.0
         self._memory[:, HELD_UNTIL] = -1.0
         self._memory[:, SURPRISE] = 0.0
-        variance = (0.02 + 0.5 * abs(rim)) ** 2
+        variance = float((0.02 + 0.5 * abs(rim)) ** 2 + radius**2 * kept[OMEGA_VARIANCE])
         measured = scalars[TIME] - scalars[self._SPEED_T] <= self.radar_timeout + 1e-9
         if measured and self._unlikely(rim, variance):
             # Wheels that are locked, not a vehicle that stands.

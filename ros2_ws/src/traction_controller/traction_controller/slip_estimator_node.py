@@ -141,7 +141,7 @@ class SlipEstimatorNode(TractionLifecycleNode):
         ),
         Parameter(
             'noise_wheel_acceleration', _NOISE.wheel_acceleration, 'random walk of the wheel '
-            'speed between pulses', 'rad/s/√s', 1e-3, 100.0, read_only=True,
+            'speed between pulses, as a share of it', '1/√s', 1e-3, 100.0, read_only=True,
         ),
     )  # fmt: skip
 

@@ -70,7 +70,7 @@ class Noise(NamedTuple):
     wheel_speed : float
         Standard deviation of a reading of an ideal tachometer, rad/s.
     wheel_acceleration : float
-        Random walk of the wheel speed between pulses, rad/s per sqrt(s).
+        Random walk of the wheel speed between pulses, as a share of it, 1/sqrt(s).
     pulse : float
         Angle from pulse to pulse, rad; 0 for an ideal tachometer.
     least_speed : float
@@ -139,6 +139,10 @@ CHANGE_SURPRISE = 2.5
 DOUBT_SURPRISE = 2.5
 # After a change of soil the drawbar is taken to change less for a while: share, and time, s.
 STEADY_DRAWBAR, STEADY_TIME = 0.3, 1.5
+# Of counted pulses: wheel speed, rad/s, below which its random walk is no smaller; how far off the
+# middle of the pulse the angle may be expected, in half pulses; and by which share of the square
+# of (excess over a period) the variance of the speed grows.
+LEAST_WALKING, COUNT_SLACK, UNEXPECTED_SPEED = 1.0, 1.2, 0.05
 # Least load on a wheel, as share of its static load, and most drawbar, as share of the weight.
 LEAST_LOAD, MOST_DRAWBAR = 0.2, 0.5
 
@@ -191,11 +195,16 @@ def count_pulses(wheel, reading, dt, noise):
     wheel[AHEAD] += (wheel[OMEGA] - reading) * dt
     wheel[ANGLE_VARIANCE] += dt * (2.0 * wheel[ANGLE_OMEGA] + dt * wheel[OMEGA_VARIANCE])
     wheel[ANGLE_OMEGA] += dt * wheel[OMEGA_VARIANCE]
-    wheel[OMEGA_VARIANCE] += noise.wheel_acceleration**2 * dt
+    walk = noise.wheel_acceleration * max(abs(wheel[OMEGA]), LEAST_WALKING)
+    wheel[OMEGA_VARIANCE] += walk**2 * dt
+    innovation = noise.pulse / 2.0 - wheel[AHEAD]
+    # Unlike other noise a count's is bounded: what is further off has changed its speed.
+    excess = abs(innovation) - COUNT_SLACK * noise.pulse / 2.0
+    if excess > 0.0:
+        wheel[OMEGA_VARIANCE] += UNEXPECTED_SPEED * (excess / dt) ** 2
     # Evenly spread over a pulse.
     total = wheel[ANGLE_VARIANCE] + noise.pulse**2 / 12.0
     of_angle, of_omega = wheel[ANGLE_VARIANCE] / total, wheel[ANGLE_OMEGA] / total
-    innovation = noise.pulse / 2.0 - wheel[AHEAD]
     wheel[AHEAD] += of_angle * innovation
     wheel[OMEGA] += of_omega * innovation
     wheel[OMEGA_VARIANCE] -= of_omega * wheel[ANGLE_OMEGA]

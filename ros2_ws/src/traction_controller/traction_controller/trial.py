@@ -9,7 +9,9 @@ enough, the path goes downhill, so that steady motion at the target has the draw
 soils; when the front wheels come onto the weaker one, the draft changes to that.
 
 The answer to the step is the difference to a copy of the same drive, with the same noise, whose
-target stays. What noise does to both cancels, but not all of it: pulses are counted at other
+target stays. A wheel's answer counts until the wheel comes into the rut that the one before it has
+pressed since the step: that is another soil, met at another time by every draw, and no answer to
+the step any more. What noise does to both cancels, but not all of it: pulses are counted at other
 angles, and filters may decide otherwise. So the same draw is driven once more with sensors that
 have no noise, to tell how the loop answers from what noise adds.
 """
@@ -69,8 +71,8 @@ LEAST_DRAFT = 0.2
 RAMP = 1.0
 """Time over which draft builds up, s."""
 
-BANDS = (0.10, 0.05)
-"""Bands about its end within which an answer counts as settled, as shares of the step."""
+BAND = 0.1
+"""Band about its end within which an answer counts as settled, as a share of the step."""
 
 LAST = 1.0
 """Time before the step from which on a trial is judged, s."""
@@ -187,9 +189,8 @@ class Figures:
         By how much the mean answer goes beyond the step, as a share of it, at least 0.
     settling_quiet, overshoot_quiet : float
         The same with sensors without noise, s and dimensionless.
-    settling_narrow, settling_worst, overshoot_worst : float
-        As these two, without noise: settling within 5 %, s, and both of the worst wheel, s and
-        dimensionless.
+    settling_throughout : float
+        As `settling_quiet`, s, of all wheels throughout, whichever rut they are in.
     rmse : float
         Root mean square of slip less target, over all wheels, from `LAST` before the step on.
     rmse_before : float
@@ -209,9 +210,7 @@ class Figures:
     overshoot: float
     settling_quiet: float
     overshoot_quiet: float
-    settling_narrow: float
-    settling_worst: float
-    overshoot_worst: float
+    settling_throughout: float
     rmse: float
     rmse_before: float
     estimate_rmse: float
@@ -235,8 +234,8 @@ class Trial:
         When the target rose, s.
     drop_time : float
         When the first wheels came onto the weaker soil, s.
-    quiet_answer : ndarray, shape (k, n)
-        What the step did to true slips with sensors without noise, see `answer`, dimensionless.
+    noisy_answer, quiet_answer : ndarray, shape (k,)
+        What the step did to slip, see `answer`, with sensor noise and without, dimensionless.
     figures : Figures
         What came of it.
     """
@@ -246,6 +245,7 @@ class Trial:
     unstepped: Drive
     step_time: float
     drop_time: float
+    noisy_answer: Array
     quiet_answer: Array
     figures: Figures
 
@@ -388,12 +388,13 @@ def run_trial(
             until(each, stepped_at + STEP_WINDOW)
         return loop, other, stepped_at
 
-    shape = round(STEP_WINDOW / DT), len(own.wheels)
-    quiet_answer = np.full(shape, math.nan)
+    quiet_answer = throughout = np.full(round(STEP_WINDOW / DT), math.nan)
     if quiet:
         radar = RadarModel(0.0, latency=draw.radar_latency)
         quiet_stepped, quiet_unstepped, quiet_time = step(Sensors(radar=radar))
-        quiet_answer = answer(quiet_stepped.drive(), quiet_unstepped.drive(), quiet_time)
+        both = quiet_stepped.drive(), quiet_unstepped.drive()
+        quiet_answer = answer(*both, quiet_time, own)
+        throughout = differences(*both, quiet_time).mean(axis=1)
 
     noisy = RadarModel(draw.radar_noise, latency=draw.radar_latency)
     loop, other, step_time = step(
@@ -407,11 +408,16 @@ def run_trial(
         loop.step(request)
     until(loop, loop.t + DROP_WINDOW)
     stepped, unstepped = loop.drive(), other.drive()
-    figures = judge(stepped, unstepped, step_time, drop_time, quiet_answer)
-    return Trial(draw, stepped, unstepped, step_time, drop_time, quiet_answer, figures)
+    noisy_answer = answer(stepped, unstepped, step_time, own)
+    figures = judge(
+        stepped, unstepped, step_time, drop_time, noisy_answer, quiet_answer, throughout
+    )
+    return Trial(
+        draw, stepped, unstepped, step_time, drop_time, noisy_answer, quiet_answer, figures
+    )
 
 
-def answer(stepped: Drive, unstepped: Drive, step_time: float) -> Array:
+def differences(stepped: Drive, unstepped: Drive, step_time: float) -> Array:
     """What the step of the target did to every wheel's true slip.
 
     Parameters
@@ -431,7 +437,42 @@ def answer(stepped: Drive, unstepped: Drive, step_time: float) -> Array:
     return stepped.slip[first:last] - unstepped.slip[first:last]
 
 
-def settling_time(response: Array, band: float) -> float:
+def answer(stepped: Drive, unstepped: Drive, step_time: float, vehicle: Vehicle) -> Array:
+    """Mean answer of the wheels that are not yet in a rut pressed since the step.
+
+    Parameters
+    ----------
+    stepped, unstepped : Drive
+        A drive and its copy without the step, SI units.
+    step_time : float
+        When the target rose, s.
+    vehicle : Vehicle
+        Whose wheels follow each other, SI units.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        Mean of `differences`, dimensionless.
+    """
+    each = differences(stepped, unstepped, step_time)
+    first = round(step_time / DT)
+    moved = stepped.x[first : first + len(each)] - stepped.x[first]
+    positions, tracks = np.array(vehicle.wheel_positions), np.array(vehicle.tracks)
+    ahead = np.array(
+        [
+            min(
+                (other - here for other in positions[tracks == track] if other > here),
+                default=math.inf,
+            )
+            for here, track in zip(positions, tracks, strict=True)
+        ]
+    )
+    # Contact begins ahead of the axle. Foremost wheels always count.
+    ahead -= [wheel.radius for wheel in vehicle.wheels]
+    return np.asarray(np.average(each, axis=1, weights=moved[:, None] < ahead))
+
+
+def settling_time(response: Array, band: float = BAND) -> float:
     """Time after which an answer stays near the step.
 
     Parameters
@@ -469,7 +510,13 @@ def overshoot(response: Array) -> float:
 
 
 def judge(
-    stepped: Drive, unstepped: Drive, step_time: float, drop_time: float, quiet_answer: Array
+    stepped: Drive,
+    unstepped: Drive,
+    step_time: float,
+    drop_time: float,
+    noisy_answer: Array,
+    quiet_answer: Array,
+    throughout: Array,
 ) -> Figures:
     """Find the figures of a trial.
 
@@ -486,8 +533,10 @@ def judge(
         When the target rose, s.
     drop_time : float
         When the first wheels came onto the weaker soil, s.
-    quiet_answer : ndarray, shape (k, n)
+    noisy_answer, quiet_answer : ndarray, shape (k,)
         See `Trial`, dimensionless.
+    throughout : ndarray, shape (k,)
+        Mean answer of all wheels, without noise, dimensionless.
 
     Returns
     -------
@@ -509,20 +558,15 @@ def judge(
     span = round(LAST / DT)
     running = np.lib.stride_tricks.sliding_window_view(stepped.slip[judged], span, axis=0)
     runaway = bool(np.any(running.min(axis=-1) > RUNAWAY))
-    mean = answer(stepped, unstepped, step_time).mean(axis=1)
-    quiet = quiet_answer.mean(axis=1)
     work, energy = stepped.efficiency(start - DT / 2)
     before = judged & (t < step_time - DT / 2)
-    wheels = range(quiet_answer.shape[1])
     return Figures(
         stable=finite and back and not runaway,
-        settling=settling_time(mean, BANDS[0]),
-        overshoot=overshoot(mean),
-        settling_quiet=settling_time(quiet, BANDS[0]),
-        overshoot_quiet=overshoot(quiet),
-        settling_narrow=settling_time(quiet, BANDS[1]),
-        settling_worst=max(settling_time(quiet_answer[:, j], BANDS[0]) for j in wheels),
-        overshoot_worst=max(overshoot(quiet_answer[:, j]) for j in wheels),
+        settling=settling_time(noisy_answer),
+        overshoot=overshoot(noisy_answer),
+        settling_quiet=settling_time(quiet_answer),
+        overshoot_quiet=overshoot(quiet_answer),
+        settling_throughout=settling_time(throughout),
         rmse=float(np.sqrt(np.mean(error[judged] ** 2))),
         rmse_before=float(np.sqrt(np.mean(error[judged & (t < drop_time)] ** 2))),
         estimate_rmse=float(np.sqrt(np.mean((stepped.slip_estimate - stepped.slip)[judged] ** 2))),
