@@ -19,7 +19,7 @@ have no noise, to tell how the loop answers from what noise adds.
 import copy
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -365,7 +365,7 @@ def run_trial(
         while loop.t < t - DT / 2:
             loop.step(request)
 
-    def step(sensors: Sensors) -> tuple[ClosedLoop, ClosedLoop, float]:
+    def step(draw: Draw, sensors: Sensors) -> tuple[ClosedLoop, ClosedLoop, float]:
         """Drive, with a step of the target and without, to the end of the step's window."""
         plant = Plant(
             own,
@@ -391,14 +391,15 @@ def run_trial(
     quiet_answer = throughout = np.full(round(STEP_WINDOW / DT), math.nan)
     if quiet:
         radar = RadarModel(0.0, latency=draw.radar_latency)
-        quiet_stepped, quiet_unstepped, quiet_time = step(Sensors(radar=radar))
+        ideal = replace(draw, pulses_per_turn=0.0)
+        quiet_stepped, quiet_unstepped, quiet_time = step(ideal, Sensors(radar=radar))
         both = quiet_stepped.drive(), quiet_unstepped.drive()
         quiet_answer = answer(*both, quiet_time, own)
         throughout = differences(*both, quiet_time).mean(axis=1)
 
     noisy = RadarModel(draw.radar_noise, latency=draw.radar_latency)
     loop, other, step_time = step(
-        Sensors(draw.pulses_per_turn, noisy, torque_noise=draw.torque_noise)
+        draw, Sensors(draw.pulses_per_turn, noisy, torque_noise=draw.torque_noise)
     )
     plant, drop_time = loop.plant, loop.t
     plant.terrain = Terrain([firm, weak], [plant.x + foremost], downhill)
