@@ -53,9 +53,13 @@ class SlipLaw(Protocol):
     gains : tuple of float
         Gains of the last step: on slip (N*m), on shaft torque (1), on the integral of the slip
         error (N*m/s), and what else the law has; for the state message.
+    winds_up : bool
+        Whether the law goes on from the torque sent, so that what is not delivered must come off
+        it; otherwise it asks at every step for what the wheel's state is worth.
     """
 
     gains: tuple[float, ...]
+    winds_up: bool
 
     def reset(self) -> None:
         """Forget the past: the next step is the first."""

@@ -70,6 +70,8 @@ class LpvLaw:
         If there is no table, or a time is out of range.
     """
 
+    winds_up = False
+
     # Below this speed, m/s, acceleration is taken as at it: slip says little there.
     _SLOWEST = 0.3
     # Largest relative acceleration v'/v that is followed, 1/s.

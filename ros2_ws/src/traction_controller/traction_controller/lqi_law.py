@@ -61,6 +61,8 @@ class LqiLaw:
         Gains of the last step: N*m, 1, N*m/s.
     """
 
+    winds_up = True
+
     def __init__(
         self,
         wheel: Wheel,

@@ -99,6 +99,8 @@ class PiLaw:
         Naming the argument that is out of range.
     """
 
+    winds_up = True
+
     def __init__(
         self,
         wheel: Wheel,

@@ -51,6 +51,8 @@ class SlidingModeLaw:
         Naming the argument that is out of range.
     """
 
+    winds_up = False
+
     def __init__(
         self,
         wheel: Wheel,

@@ -512,9 +512,10 @@ class SlipControl:
                 if group.reference != reference:
                     law.reset()
                 group.reference = reference
-                sent = self._delivered(group, along, reference, shares, sent, dt)
+                if law.winds_up:
+                    sent = self._delivered(group, along, reference, shares, sent, dt)
                 wanted = law.torque(self._reading, target, sent, dt)
-                if group.short >= self._SHORT_LAGS * self._lag:
+                if law.winds_up and group.short >= self._SHORT_LAGS * self._lag:
                     # More would not be delivered either.
                     wanted = min(wanted, sent)
                 gains = law.gains
