@@ -1,8 +1,10 @@
 # Interpreter to set up with (CPython 3.11 to 3.13); empty: the newest found.
 PYTHON ?=
 
+STEPS := benchmarks/controller_step.py benchmarks/estimator_step.py
+
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test verify evaluate bench lint bags clean
+.PHONY: help setup demo test verify evaluate bench nightly lint bags clean
 
 help:  ## Show this list
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' Makefile | expand -t 16
@@ -22,8 +24,12 @@ verify: setup  ## Compare the model with Chrono, the paper and wheel tests: docs
 evaluate: setup  ## Slip control in closed loop over 2,048 draws, and estimation: docs/control.md
 	@.venv/bin/python tools/evaluate.py
 
-bench: setup  ## Speed of the model against scipy and Octave; fails where a target is missed
+bench: setup  ## Times of a step of control and estimation; the model's speed against scipy and Octave
+	@.venv/bin/python -m pytest --benchmark-only --benchmark-columns=median,min,max,rounds $(STEPS)
 	@.venv/bin/python benchmarks/model.py
+
+nightly: setup  ## A million steps of control and estimation, which may leave nothing behind
+	@.venv/bin/python -m pytest -s --benchmark-skip $(STEPS)
 
 lint: setup  ## Check style, types of the cores, and package.xml files
 	@.venv/bin/ruff check

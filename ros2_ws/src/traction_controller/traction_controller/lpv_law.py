@@ -13,31 +13,10 @@ stiffness.
 """
 
 import math
-from typing import Protocol
 
 from traction_controller.control_law import Reading
+from traction_controller.gain_table import GainTable
 from traction_model.wheel import Wheel
-
-
-class Gains(Protocol):
-    """A table of gains over rim speed and slip stiffness."""
-
-    def at(self, rim_speed: float, stiffness: float) -> tuple[float, ...]:
-        """Look the gains up.
-
-        Parameters
-        ----------
-        rim_speed : float
-            r*omega, m/s; its magnitude counts.
-        stiffness : float
-            Slip stiffness, N, at least 0.
-
-        Returns
-        -------
-        tuple of float
-            Gain on slip error, N*m, on shaft torque, 1, and on the command of one step ago, of
-            two, and so on, 1.
-        """
 
 
 class LpvLaw:
@@ -51,7 +30,7 @@ class LpvLaw:
         Its static load, N, above 0.
     slip, lag, dt : float
         As for every law, dimensionless, s and s; the table has been made for its own.
-    gain_table : Gains
+    gain_table : GainTable
         The table.
     takeover_time : float
         Time constant with which the torque of another law gives way to this one's, s, above 0.
@@ -85,7 +64,7 @@ class LpvLaw:
         slip: float,
         lag: float,
         dt: float,
-        gain_table: Gains | None = None,
+        gain_table: GainTable | None = None,
         takeover_time: float = 0.1,
         acceleration_time: float = 0.15,
     ) -> None:
