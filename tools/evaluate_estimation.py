@@ -11,8 +11,8 @@ from make_bags import RADAR_SIGMA, SEEDS
 from traction_bringup.replay import replay
 from traction_controller.slip_estimation import SlipEstimation
 from traction_model.chrono import CHRONO_RUNS, SAMPLE_TIME, read_chrono
-from traction_model.contact import Form, equilibrium_sinkage
 from traction_model.soil import load_soil
+from traction_model.tractive import static_contact_length
 from traction_model.vehicle import load_vehicle
 
 BAGS = Path(__file__).resolve().parents[1] / 'bags'
@@ -104,11 +104,7 @@ def soil_change(name, method, seed):
     nominal, soft = (load_soil(soil) for soil in run.soils)
     truth = []
     for wheel, load in zip(vehicle.wheels, vehicle.static_loads(), strict=True):
-        packed = nominal.packed(wheel)
-        z = equilibrium_sinkage(
-            int(Form.CONTACT), 0.0, 0.0, load, packed, wheel.radius, wheel.width
-        )
-        area = wheel.width * wheel.radius * np.arccos(1 - z / wheel.radius)
+        area = wheel.width * static_contact_length(nominal, wheel, load)
         truth.append(soft.max_shear_stress(load / area))
     noise = np.random.default_rng(seed).normal(0.0, RADAR_SIGMA, len(recording.t))
     sees = SlipEstimation(vehicle, nominal, method=method)

@@ -159,7 +159,7 @@ class Truth:
         for j, (wheel, track) in enumerate(zip(vehicle.wheels, vehicle.tracks, strict=True)):
             row = soil_row(plant.x + float(vehicle.wheel_positions[j]), terrain.starts)
             depth = min(max(float(plant.sinkage[j]), 1e-3), wheel.radius)
-            length = wheel.radius * math.acos(1.0 - depth / wheel.radius)
+            length = wheel.contact_length(depth)
             path = length / terrain.soil(row, track).shear_deformation_modulus
             # As of 1 - kappa at y = |i|*l/K: (kappa - exp(-y))/y, 1/2 at y = 0.
             y = max(abs(float(self.slip[j])) * path, 1e-6)

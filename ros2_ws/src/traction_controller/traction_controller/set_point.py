@@ -18,9 +18,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from traction_model.contact import Form, equilibrium_sinkage
 from traction_model.soil import Soil
-from traction_model.tractive import tractive_figures
+from traction_model.tractive import static_contact_length, tractive_figures
 from traction_model.vehicle import Vehicle
 from traction_model.wheel import Wheel
 
@@ -86,10 +85,7 @@ class SetPoint:
         kinds: list[tuple[Wheel, float]] = []
         for wheel, exact in zip(vehicle.wheels, vehicle.static_loads(), strict=True):
             load = round(float(exact), 6)
-            z = equilibrium_sinkage(
-                int(Form.CONTACT), 0.0, 0.0, load, soil.packed(wheel), wheel.radius, wheel.width
-            )
-            area = wheel.width * wheel.radius * math.acos(1.0 - z / wheel.radius)
+            area = wheel.width * static_contact_length(soil, wheel, load)
             self._nominal.append(soil.max_shear_stress(load / area))
             if (wheel, load) not in kinds:
                 kinds.append((wheel, load))

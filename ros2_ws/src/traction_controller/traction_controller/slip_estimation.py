@@ -51,10 +51,10 @@ from traction_controller.slip_filter import (
     take_in_speed,
     take_in_wheels,
 )
-from traction_model.contact import Form, equilibrium_sinkage
 from traction_model.rut import Ruts, fresh_ruts
 from traction_model.slip import LEAST_SPEED, is_valid, slip
 from traction_model.soil import Soil
+from traction_model.tractive import static_contact_length
 from traction_model.vehicle import Vehicle
 
 
@@ -301,11 +301,8 @@ class SlipEstimation:
             least_speed=least_speed,
         )
         strengths, self._areas, self._lengths = [], [], []
-        for wheel, load, packed in zip(vehicle.wheels, loads, self._body.soils, strict=True):
-            z = equilibrium_sinkage(
-                int(Form.CONTACT), 0.0, 0.0, load, packed, wheel.radius, wheel.width
-            )
-            length = wheel.radius * math.acos(1 - z / wheel.radius)
+        for wheel, load in zip(vehicle.wheels, loads, strict=True):
+            length = static_contact_length(soil, wheel, load)
             self._lengths.append(length)
             self._areas.append(wheel.width * length)
             strengths.append(soil.max_shear_stress(load / (wheel.width * length)))

@@ -1,4 +1,6 @@
-"""Wheels: what grousers add."""
+"""Wheels: what grousers add, and how long contact is."""
+
+import math
 
 import pytest
 
@@ -22,3 +24,13 @@ def test_grousers_by_hand():
 def test_packed_wheel():
     wheel = Wheel(radius=0.5, width=0.4, inertia=20, viscous_friction=2)
     assert wheel.packed(1.5, 5000, 1).tolist() == [0.5, 0.4, 20, 2, 1.5, 5000, 1]
+
+
+def test_contact_length_by_hand():
+    # Half the radius deep: an arc of 60 degrees, r*pi/3.
+    wheel = Wheel(radius=0.6, width=0.4, inertia=20)
+    assert wheel.contact_length(0.3) == pytest.approx(0.6 * math.pi / 3)
+    assert wheel.contact_length(0.0) == 0.0
+    for sinkage in (-0.01, 0.61, math.nan):
+        with pytest.raises(ValueError, match=r'sinkage must be 0 to 0\.6 m, got'):
+            wheel.contact_length(sinkage)

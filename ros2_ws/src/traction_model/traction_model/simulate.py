@@ -686,7 +686,7 @@ class Plant:
             row = soil_row(self.x + self.vehicle.wheel_positions[j], self._terrain.starts)
             soil = self._terrain.soil(row, self.vehicle.tracks[j])
             depth = min(max(float(self.forces[j, 4]), 1e-3), wheel.radius)
-            area = wheel.width * wheel.radius * math.acos(1.0 - depth / wheel.radius)
+            area = wheel.width * wheel.contact_length(depth)
             stresses.append(soil.max_shear_stress(float(self.forces[j, 5]) / area))
         return stresses
 

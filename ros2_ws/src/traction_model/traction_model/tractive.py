@@ -84,6 +84,29 @@ class TractiveFigures(NamedTuple):
         return np.where(working, output / np.where(working, put_in, 1.0), 0.0)
 
 
+def static_contact_length(soil: Soil, wheel: Wheel, load: float) -> float:
+    """Length of the arc on which a wheel stands, by the contact form.
+
+    Parameters
+    ----------
+    soil : Soil
+        The soil.
+    wheel : Wheel
+        The wheel.
+    load : float
+        N, above 0.
+
+    Returns
+    -------
+    float
+        m.
+    """
+    sinkage = equilibrium_sinkage(
+        int(Form.CONTACT), 0.0, 0.0, load, soil.packed(wheel), wheel.radius, wheel.width
+    )
+    return wheel.contact_length(sinkage)
+
+
 def steady_contact(
     soil: Soil,
     wheel: Wheel,

@@ -50,6 +50,28 @@ class Wheel(Definition):
             return 1.0, 1.0
         return 1 + 2 * share, 1 + 0.64 * share * math.atan(1 / share)
 
+    def contact_length(self, sinkage: float) -> float:
+        """Length of the arc in contact with flat soil.
+
+        Parameters
+        ----------
+        sinkage : float
+            m, 0 to `radius`.
+
+        Returns
+        -------
+        float
+            m.
+
+        Raises
+        ------
+        ValueError
+            If the sinkage is out of its range.
+        """
+        if not 0 <= sinkage <= self.radius:
+            raise ValueError(f'sinkage must be 0 to {self.radius:g} m, got {sinkage}')
+        return self.radius * math.acos(1.0 - sinkage / self.radius)
+
     def packed(
         self, position: float = 0.0, static_load: float = 0.0, track: int = -1
     ) -> NDArray[np.float64]:
