@@ -10,9 +10,9 @@ setup(
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),
-        ('share/' + package_name + '/config', ['config/torque_gate.yaml']),
+        ('share/' + package_name + '/config', ['config/torque_gate.yaml', 'config/tractor.dbc']),
     ],
-    install_requires=['mcap', 'pyyaml', 'rosbags', 'zstandard'],
+    install_requires=['cantools', 'mcap', 'pyyaml', 'rosbags', 'zstandard'],
     zip_safe=False,
     maintainer='Traction-control suite maintainers',
     maintainer_email='maintainers@traction-control-suite.org',

@@ -1,0 +1,152 @@
+"""Identifiers of J1939 (SAE J1939-21, ISO 11783-3), and what a field of bits can say.
+
+The 29 bits of an identifier hold the priority, the parameter group number (PGN) and the source
+address. Groups whose format byte is below 240 go to one destination, which takes the place of the
+PGN's last byte; all others go to everybody.
+"""
+
+from enum import Enum
+from typing import NamedTuple
+
+GLOBAL = 255
+"""Destination address of what is for everybody."""
+
+NULL = 254
+"""Source address of who has none."""
+
+LARGEST_IDENTIFIER = 0x1FFFFFFF
+
+# Format bytes from here on go to everybody.
+_BROADCAST_FORMAT = 240
+
+
+class Unknown(Enum):
+    """Why a field has no value."""
+
+    ERROR = 'error'
+    NOT_AVAILABLE = 'not available'
+
+
+class Identifier(NamedTuple):
+    """What the identifier of a frame says.
+
+    Attributes
+    ----------
+    pgn : int
+        Parameter group number, 0 to 0x3FFFF; its last byte is 0 where a destination goes with it.
+    source : int
+        Source address, 0 to 255.
+    destination : int
+        Destination address, 0 to 255; 255 (`GLOBAL`) for everybody.
+    priority : int
+        0 (first) to 7.
+    """
+
+    pgn: int
+    source: int
+    destination: int = GLOBAL
+    priority: int = 6
+
+    @classmethod
+    def parse(cls, identifier: int) -> 'Identifier':
+        """Take an identifier apart.
+
+        Parameters
+        ----------
+        identifier : int
+            The 29 bits.
+
+        Returns
+        -------
+        Identifier
+            Its parts.
+
+        Raises
+        ------
+        ValueError
+            If it has more than 29 bits.
+        """
+        if not 0 <= identifier <= LARGEST_IDENTIFIER:
+            raise ValueError(f'identifier must have 29 bits, got {identifier:#x}')
+        pgn, destination = identifier >> 8 & 0x3FFFF, GLOBAL
+        if (pgn >> 8 & 0xFF) < _BROADCAST_FORMAT:
+            pgn, destination = pgn & 0x3FF00, pgn & 0xFF
+        return cls(pgn, identifier & 0xFF, destination, identifier >> 26)
+
+    @property
+    def bits(self) -> int:
+        """The 29 bits of the identifier, dimensionless.
+
+        Raises
+        ------
+        ValueError
+            Naming the part that is out of range.
+        """
+        for name, value, most in (
+            ('pgn', self.pgn, 0x3FFFF),
+            ('source', self.source, 255),
+            ('destination', self.destination, 255),
+            ('priority', self.priority, 7),
+        ):
+            if not 0 <= value <= most:
+                raise ValueError(f'{name} must be 0 to {most}, got {value}')
+        pgn = self.pgn
+        if (pgn >> 8 & 0xFF) < _BROADCAST_FORMAT:
+            if pgn & 0xFF:
+                raise ValueError(f'pgn {pgn} has a destination: its last byte must be 0')
+            pgn |= self.destination
+        elif self.destination != GLOBAL:
+            raise ValueError(f'pgn {pgn} goes to everybody, not to {self.destination}')
+        return self.priority << 26 | pgn << 8 | self.source
+
+
+def meaning(raw: int, length: int) -> int | Unknown:
+    """What the bits of a field say (SAE J1939-71, ISO 11783-7).
+
+    All ones are "not available", one less is an error. Fields of whole bytes go by their first
+    byte: up to 0xFA a value, 0xFF not available, and an error in between, where 0xFE stands for
+    one and 0xFB to 0xFD are reserved.
+
+    Parameters
+    ----------
+    raw : int
+        The bits, at least 0.
+    length : int
+        Their number: 2 to 7, 8, 16 or 32.
+
+    Returns
+    -------
+    int or Unknown
+        The bits, where they are a value.
+    """
+    if length % 8:
+        top = (1 << length) - 1
+        if raw == top:
+            return Unknown.NOT_AVAILABLE
+        return Unknown.ERROR if raw == top - 1 else raw
+    first = raw >> length - 8
+    if first == 0xFF:
+        return Unknown.NOT_AVAILABLE
+    return Unknown.ERROR if first > 0xFA else raw
+
+
+def bits_of(unknown: Unknown, length: int) -> int:
+    """Bits that tell why a field has no value.
+
+    Parameters
+    ----------
+    unknown : Unknown
+        Why.
+    length : int
+        Number of bits: 2 to 7, 8, 16 or 32.
+
+    Returns
+    -------
+    int
+        The bits.
+    """
+    top = (1 << length) - 1
+    if unknown is Unknown.NOT_AVAILABLE:
+        return top
+    # Of whole bytes the first tells.
+    return top - 1 if length < 8 else top - (1 << length - 8)
