@@ -113,10 +113,20 @@ def test_values_that_do_not_fit(name, values, text):
         GROUPS.encode(name, values)
 
 
+def test_periods_are_those_of_the_standards():
+    assert GROUPS.period('TSC1') == pytest.approx(0.01)
+    assert GROUPS.period('HRW') == pytest.approx(0.02)
+    assert GROUPS.period('EAC1') == pytest.approx(0.5)
+
+
+CYCLE = 'BA_DEF_ BO_ "GenMsgCycleTime" INT 0 10000;\nBA_DEF_DEF_ "GenMsgCycleTime" 100;\n'
+
+
 @pytest.mark.parametrize(
     ('text', 'said'),
     [
         ('nonsense', 'tractor.dbc'),
+        ('VERSION "no cycle"\nBU_: A\nBO_ 2365475070 X: 8 A\n', 'X has no GenMsgCycleTime'),
         ('VERSION ""\nBU_: A\nBO_ 2365475070 X: 4 A\n SG_ Y : 0|8@1+ (1,0) [0|1] "m" A\n',
          'X is no J1939 frame of 8 bytes'),
         ('VERSION ""\nBU_: A\nBO_ 2365475070 X: 8 A\n SG_ Y : 0|8@1+ (1,0) [0|1] "furlong" A\n',
@@ -127,7 +137,7 @@ def test_values_that_do_not_fit(name, values, text):
 )  # fmt: skip
 def test_files_that_are_not_understood(tmp_path, text, said):
     path = tmp_path / 'tractor.dbc'
-    path.write_text(text)
+    path.write_text(text + ('' if 'no cycle' in text else CYCLE))
     with pytest.raises(FrameError, match=said):
         ParameterGroups(path)
 

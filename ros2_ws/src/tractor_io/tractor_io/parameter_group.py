@@ -62,6 +62,14 @@ class _Field(NamedTuple):
     always: bool
 
 
+class _Layout(NamedTuple):
+    name: str
+    identifier: Identifier
+    # s
+    period: float
+    fields: tuple[_Field, ...]
+
+
 class ParameterGroups:
     """Messages of a bus.
 
@@ -95,13 +103,16 @@ class ParameterGroups:
             raise FrameError(f'{path}: {error}') from error
         if not isinstance(database, Database):
             raise FrameError(f'{path}: holds no messages')
-        self._by_pgn: dict[int, tuple[Message, tuple[_Field, ...]]] = {}
-        self._by_name: dict[str, tuple[Identifier, tuple[_Field, ...]]] = {}
+        self._by_pgn: dict[int, _Layout] = {}
+        self._by_name: dict[str, _Layout] = {}
         for message in database.messages:
-            fields = tuple(self._fields(path, message))
-            identifier = Identifier.parse(message.frame_id)
-            self._by_pgn[identifier.pgn] = (message, fields)
-            self._by_name[message.name] = (identifier, fields)
+            if not message.cycle_time:
+                raise FrameError(f'{path}: {message.name} has no GenMsgCycleTime')
+            layout = _Layout(
+                message.name, Identifier.parse(message.frame_id), 1e-3 * message.cycle_time,
+                tuple(self._fields(path, message)),
+            )  # fmt: skip
+            self._by_pgn[layout.identifier.pgn] = self._by_name[layout.name] = layout
 
     @staticmethod
     def _fields(path: Path, message: Message) -> Iterable[_Field]:
@@ -138,9 +149,29 @@ class ParameterGroups:
         FrameError
             If there is no such message.
         """
-        return self._named(name)[0]
+        return self._named(name).identifier
 
-    def _named(self, name: str) -> tuple[Identifier, tuple[_Field, ...]]:
+    def period(self, name: str) -> float:
+        """Usual time from frame to frame of a message.
+
+        Parameters
+        ----------
+        name : str
+            Such as ``HRW``.
+
+        Returns
+        -------
+        float
+            s.
+
+        Raises
+        ------
+        FrameError
+            If there is no such message.
+        """
+        return self._named(name).period
+
+    def _named(self, name: str) -> _Layout:
         if name not in self._by_name:
             raise FrameError(f"unknown message '{name}': there are {', '.join(self._by_name)}")
         return self._by_name[name]
@@ -169,21 +200,20 @@ class ParameterGroups:
             parsed = Identifier.parse(identifier)
         except ValueError as error:
             raise FrameError(str(error)) from None
-        found = self._by_pgn.get(parsed.pgn)
-        if found is None:
+        layout = self._by_pgn.get(parsed.pgn)
+        if layout is None:
             return None
-        message, fields = found
         if len(data) != LENGTH:
-            raise FrameError(f'{message.name}: has {len(data)} bytes, not {LENGTH}')
+            raise FrameError(f'{layout.name}: has {len(data)} bytes, not {LENGTH}')
         whole = int.from_bytes(data, 'little')
         values: dict[str, float | Unknown] = {}
-        for field in fields:
+        for field in layout.fields:
             raw = whole >> field.start & (1 << field.length) - 1
             told: float | Unknown = raw if field.always else meaning(raw, field.length)
             if not isinstance(told, Unknown):
                 told = (told * field.scale + field.offset) * field.to_si
             values[field.name] = told
-        return Group(message.name, parsed, values)
+        return Group(layout.name, parsed, values)
 
     def encode(self, name: str, values: Mapping[str, float | Unknown]) -> bytes:
         """Write the bytes of a message.
@@ -205,7 +235,7 @@ class ParameterGroups:
         FrameError
             If there is no such message or field, or a value does not fit into its field.
         """
-        _, fields = self._named(name)
+        fields = self._named(name).fields
         for asked in values.keys() - {field.name for field in fields}:
             raise FrameError(f"{name} has no field '{asked}'")
         whole = (1 << 8 * LENGTH) - 1
