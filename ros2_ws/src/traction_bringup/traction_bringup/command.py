@@ -1,4 +1,4 @@
-"""The command `traction`: demo, replay, plot, sweep, synthesize."""
+"""The command `traction`: demo, replay, plot, bag, sweep, synthesize."""
 
 import math
 from pathlib import Path
@@ -14,6 +14,8 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
+bag_app = typer.Typer(help='Look into bags, repair and cut them.', no_args_is_help=True)
+app.add_typer(bag_app, name='bag')
 console = Console()
 
 Bag = Annotated[Path, typer.Argument(help='Bag: folder, .mcap or .db3 file.')]
@@ -188,6 +190,75 @@ def synthesize(
             'effort': effort,
         },
     )
+
+
+@bag_app.command()
+def info(bag: Bag) -> None:
+    """Say what a bag holds."""
+    from tractor_io.bag import BagReader
+
+    with BagReader(bag) as reader:
+        table = Table(title=f'{bag}: {reader.duration:.3f} s', title_style='bold')
+        for heading in ('topic', 'type', 'messages', 'rate', 'quality of service'):
+            table.add_column(
+                heading, justify='right' if heading in ('messages', 'rate') else 'left'
+            )
+        for name, topic in reader.topics.items():
+            # n messages have n - 1 times between them.
+            rate = (topic.count - 1) / reader.duration if reader.duration > 0 else math.nan
+            qos = 'reliable' if topic.qos.reliable else 'best effort'
+            qos += ', latched' if topic.qos.latched else ''
+            table.add_row(
+                name,
+                topic.type,
+                str(topic.count),
+                f'{rate:.1f} Hz',
+                f'{qos}, depth {topic.qos.depth}',
+            )
+        console.print(table)
+        for key, value in reader.custom_data.items():
+            console.print(f'{key}: {value}', soft_wrap=True, highlight=False, markup=False)
+
+
+@bag_app.command()
+def repair(
+    bag: Annotated[Path, typer.Argument(help='Bag folder or .mcap file that is cut short.')],
+    output: Annotated[
+        Path | None, typer.Option('--output', '-o', help='Default: beside it, _repaired.')
+    ] = None,
+) -> None:
+    """Get back all finished chunks of a bag whose writer was killed."""
+    from tractor_io.bag_repair import repair_bag
+
+    with Progress(console=console, transient=True) as progress:
+        task = progress.add_task(f'repairing {bag.name}', total=1.0)
+        found = repair_bag(bag, output, lambda share: progress.update(task, completed=share))
+    span = 1e-9 * (found.end - found.start)
+    console.print(
+        f'{sum(found.counts.values())} messages on {len(found.counts)} topics over {span:.3f} s; '
+        f'{found.reason or "the file was whole"}',
+        soft_wrap=True, highlight=False, markup=False,
+    )  # fmt: skip
+    console.print(f'bag      {found.path}', soft_wrap=True)
+
+
+@bag_app.command()
+def cut(
+    bag: Bag,
+    output: Annotated[Path, typer.Option('--output', '-o', help='Folder of the new bag.')],
+    start: Annotated[float, typer.Option(help='From when on, s after the first message.')] = 0.0,
+    end: Annotated[float | None, typer.Option(help='Until when, s; default: to the end.')] = None,
+    topics: Annotated[
+        list[str] | None,
+        typer.Option('--topic', help='Topic to take, may be repeated; default: all.'),
+    ] = None,
+) -> None:
+    """Copy a part of a bag into a new one."""
+    from tractor_io.bag_repair import cut_bag
+
+    counts = cut_bag(bag, output, start, end, topics or ())
+    console.print(f'{sum(counts.values())} messages on {len(counts)} topics', highlight=False)
+    console.print(f'bag      {output}', soft_wrap=True)
 
 
 def main() -> int:

@@ -35,7 +35,10 @@ METADATA_VERSION = 9
 """Version of metadata.yaml, that of ROS 2 Jazzy."""
 
 CHUNK_SIZE = 256 * 1024
-"""Bytes, uncompressed, of one chunk of a written bag: what a killed writer loses at most."""
+"""Bytes, uncompressed, of one chunk of a written bag."""
+
+CUSTOM_DATA = 'traction_custom_data'
+"""Name of the metadata record at the beginning of a bag that keeps what is said about it."""
 
 MCAP_MAGIC = b'\x89MCAP0\r\n'
 
@@ -94,6 +97,27 @@ class Topic:
     qos: Qos
 
 
+class Definition(NamedTuple):
+    """What a bag has to say about the type of a topic.
+
+    Attributes
+    ----------
+    type : str
+        Message type, such as ``sensor_msgs/msg/JointState``.
+    encoding : str
+        ``ros2msg`` or ``ros2idl``.
+    text : str
+        Its definition, with those of the types in it.
+    digest : str
+        Hash of its description (RIHS01), empty where it is not known.
+    """
+
+    type: str
+    encoding: str
+    text: str
+    digest: str
+
+
 class BagMessage(NamedTuple):
     """A message of a bag.
 
@@ -150,6 +174,37 @@ def typestore(interfaces: Path | None = None) -> Typestore:
         name = f'{INTERFACES}/msg/{path.stem}'
         store.register(get_types_from_msg(path.read_text(encoding='utf-8'), name))
     return store
+
+
+def known_definition(
+    message_type: str, interfaces: Path | None = None, what: str = 'topic'
+) -> Definition:
+    """Definition of a message type of ROS 2 Jazzy or of this suite.
+
+    Parameters
+    ----------
+    message_type : str
+        Such as ``sensor_msgs/msg/JointState``.
+    interfaces : Path, optional
+        Folder of traction_interfaces, as for `typestore`.
+    what : str
+        What has this type, for the error.
+
+    Returns
+    -------
+    Definition
+        Of the type.
+
+    Raises
+    ------
+    BagError
+        If the type is not known.
+    """
+    store = typestore(interfaces)
+    if message_type not in store.fielddefs:
+        raise BagError(f'{what} has unknown type {message_type}')
+    text, _ = store.generate_msgdef(message_type, ros_version=2)
+    return Definition(message_type, 'ros2msg', text, store.hash_rihs01(message_type))
 
 
 class BagReader:
@@ -261,6 +316,39 @@ class BagReader:
             raise
         except Exception as error:
             raise self._damage(error) from error
+
+    def definition(self, topic: str) -> Definition:
+        """What the bag says about the type of a topic.
+
+        Parameters
+        ----------
+        topic : str
+            Name, with its leading slash.
+
+        Returns
+        -------
+        Definition
+            That of the bag, or where it has none, as in sqlite3, that of the suite.
+
+        Raises
+        ------
+        BagError
+            If the topic is not in the bag, or its type not known to either.
+        """
+        self.find([topic])
+        connection = next(each for each in self._reader.connections if each.topic == topic)
+        encodings = {
+            MessageDefinitionFormat.MSG: 'ros2msg',
+            MessageDefinitionFormat.IDL: 'ros2idl',
+        }
+        if connection.msgdef.format in encodings:
+            return Definition(
+                connection.msgtype,
+                encodings[connection.msgdef.format],
+                connection.msgdef.data,
+                connection.digest,
+            )
+        return known_definition(connection.msgtype, self._interfaces, f'{self.path}: {topic}')
 
     def find(self, topics: Iterable[str]) -> set[str]:
         """Look up topics.
@@ -392,7 +480,7 @@ class BagWriter:
     """Writes a bag: a folder with one MCAP file and metadata.yaml, as a context manager.
 
     The same calls give the same bytes. Left by an exception, or never closed, the bag stays
-    without index and metadata.yaml.
+    without index and metadata.yaml; what was flushed is in it, see `tractor_io.bag_repair`.
 
     Parameters
     ----------
@@ -428,7 +516,8 @@ class BagWriter:
         self._store = typestore(interfaces)
         self._topics: dict[str, dict[str, Any]] = {}
         self._channels: dict[str, int] = {}
-        self._schemas: dict[str, int] = {}
+        self._schemas: dict[tuple[str, str, str], int] = {}
+        self._interfaces = interfaces
         self._first: int | None = None
         self._last = 0
         self._file_name = f'{self.path.name}.mcap'
@@ -441,6 +530,9 @@ class BagWriter:
             raise self._failure(error) from error
         self._writer = McapWriter(self._file, chunk_size=CHUNK_SIZE)
         self._writer.start(profile='ros2', library='tractor_io')
+        if self._custom_data:
+            # At the end it is said once more, where rosbag2 looks for it.
+            self._writer.add_metadata(CUSTOM_DATA, self._custom_data)
 
     def __enter__(self) -> Self:
         return self
@@ -456,15 +548,18 @@ class BagWriter:
         else:
             self.abort()
 
-    def add_topic(self, topic: str, message_type: str, qos: Qos | None = None) -> None:
+    def add_topic(
+        self, topic: str, message_type: str | Definition, qos: Qos | None = None
+    ) -> None:
         """Declare a topic.
 
         Parameters
         ----------
         topic : str
             Name, with its leading slash.
-        message_type : str
-            Such as ``sensor_msgs/msg/JointState``.
+        message_type : str or Definition
+            Such as ``sensor_msgs/msg/JointState``; of a type that the suite does not know, what
+            another bag says about it.
         qos : Qos, optional
             Quality of service the topic is published with; reliable when left out.
 
@@ -473,27 +568,27 @@ class BagWriter:
         BagError
             For an unknown message type or a topic declared twice.
         """
-        if message_type not in self._store.fielddefs:
-            raise BagError(f'{self.path}: topic {topic} has unknown type {message_type}')
+        if isinstance(message_type, str):
+            message_type = known_definition(
+                message_type, self._interfaces, f'{self.path}: topic {topic}'
+            )
         if topic in self._topics:
             raise BagError(f'{self.path}: topic {topic} is declared twice')
-        if message_type not in self._schemas:
-            text, _ = self._store.generate_msgdef(message_type, ros_version=2)
-            self._schemas[message_type] = self._writer.register_schema(
-                message_type, 'ros2msg', text.encode()
-            )
+        name, encoding, text, digest = message_type
+        schema = (name, encoding, text)
+        if schema not in self._schemas:
+            self._schemas[schema] = self._writer.register_schema(name, encoding, text.encode())
         profiles = [_profile(qos or Qos())]
-        digest = self._store.hash_rihs01(message_type)
         self._channels[topic] = self._writer.register_channel(
             topic,
             'cdr',
-            self._schemas[message_type],
+            self._schemas[schema],
             {'offered_qos_profiles': _yaml(profiles), 'topic_type_hash': digest},
         )
         self.counts[topic] = 0
         self._topics[topic] = {
             'name': topic,
-            'type': message_type,
+            'type': name,
             'serialization_format': 'cdr',
             'offered_qos_profiles': profiles,
             'type_description_hash': digest,
@@ -536,6 +631,23 @@ class BagWriter:
         self.counts[topic] += 1
         self._first = time if self._first is None else min(self._first, time)
         self._last = max(self._last, time)
+
+    def flush(self) -> None:
+        """Hand all that was written to the operating system, as a finished chunk.
+
+        A process that is killed afterwards loses nothing of it.
+
+        Raises
+        ------
+        BagError
+            When writing fails, such as on a full disk.
+        """
+        try:
+            # The library finishes a chunk by itself only once it is full.
+            self._writer._Writer__finalize_chunk()  # type: ignore[attr-defined]
+            self._file.flush()
+        except OSError as error:
+            raise self._failure(error) from error
 
     def close(self) -> None:
         """Finish the MCAP file and write metadata.yaml.

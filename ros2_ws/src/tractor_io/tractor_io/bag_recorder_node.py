@@ -15,6 +15,9 @@ ALL = 'all'
 DEPTH = 1000
 """Messages kept per topic while the disk is slow."""
 
+FLUSH_PERIOD = 0.2
+"""Time after which messages are out of this process's hands, s."""
+
 
 class BagRecorderNode(TractionNode):
     """Records until it is told to end."""
@@ -54,6 +57,7 @@ class BagRecorderNode(TractionNode):
                 self._qos[name].durability = DurabilityPolicy.TRANSIENT_LOCAL
             self._subscribe(name)
         self.steady_timer(1.0, self._tell)
+        self.steady_timer(FLUSH_PERIOD, self._flush)
         self._tell()
 
     def stop(self):
@@ -108,9 +112,20 @@ class BagRecorderNode(TractionNode):
                 writer.add_topic(full_name, topic(name).type, self._recorded_qos(name))
             writer.write(full_name, self.get_clock().now().nanoseconds, data)
         except BagError as error:
-            writer.abort()
-            self._writer = None
-            self.finish(f'{error}; the bag ends without index')
+            self._give_up(error)
+
+    def _flush(self):
+        if self._writer is None:
+            return
+        try:
+            self._writer.flush()
+        except BagError as error:
+            self._give_up(error)
+
+    def _give_up(self, error):
+        self._writer.abort()
+        self._writer = None
+        self.finish(f'{error}; the bag ends without index: traction bag repair {self.p.output}')
 
     def _recorded_qos(self, name):
         qos = self._qos[name]
