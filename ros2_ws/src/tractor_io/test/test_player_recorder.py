@@ -14,10 +14,12 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
 from traction_node.graph import NodeProcess, Probe, executable
-from tractor_io.bag import QOS, BagReader, BagWriter, typestore
+from tractor_io.bag import QOS, BagError, BagReader, BagWriter, typestore
+from tractor_io.bag_repair import repair_bag
 
 BAGS = Path(__file__).resolve().parents[4] / 'bags'
 DRAWBAR = BAGS / 'wheel_drawbar'
+SOFT_PATCH = BAGS / 'tractor_soft_patch'
 PLAYER = executable('tractor_io', 'bag_player')
 RECORDER = executable('tractor_io', 'bag_recorder')
 
@@ -68,6 +70,37 @@ def test_recorded_is_played_message_for_message(tmp_path):
         probe.wait_for(complete, 10.0, f'{total} messages recorded')
         assert recorder.interrupt() == 0
     assert by_topic(output) == {f'/one{topic}': found for topic, found in played.items()}
+
+
+def test_killed_recorder_loses_less_than_a_second(tmp_path):
+    """All but 1 % of what was published until 1 s before the kill is in the repaired bag."""
+    output = tmp_path / 'killed'
+    with (
+        Probe() as probe,
+        NodeProcess(RECORDER, params={'output': output}) as recorder,
+    ):
+        probe.wait_for(lambda: probe.diagnostics('bag_recorder'), 15.0, 'sign of life')
+        parameters = {
+            'bag': SOFT_PATCH, 'topics': ['all', 'wheel_torque'], 'wait_for_subscribers': 15.0,
+        }  # fmt: skip
+        with NodeProcess(PLAYER, params=parameters):
+            probe.wait_for(lambda: recorded_count(probe) > 1000, 30.0, '1000 messages recorded')
+            killed = time.time_ns()
+            recorder.kill()
+    with pytest.raises(BagError, match=r'not a bag, it has no metadata\.yaml'):
+        BagReader(output)
+    repaired = repair_bag(output)
+    with BagReader(repaired.path) as bag:
+        begun = next(bag.messages(['/wheel_states'])).time
+    with BagReader(SOFT_PATCH) as bag:
+        # Played in real time from its beginning on.
+        until = bag.start + killed - begun - 10**9
+        published = defaultdict(int)
+        for message in bag.messages(raw=True):
+            published[message.topic] += message.time <= until
+    assert sum(published.values()) > 500
+    for topic, count in published.items():
+        assert repaired.counts[topic] >= 0.99 * count
 
 
 COMMANDS = ('torque_request', 'wheel_torque_command', 'wheel_torque')
