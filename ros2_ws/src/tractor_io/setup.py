@@ -12,15 +12,16 @@ setup(
         ('share/' + package_name, ['package.xml']),
         ('share/' + package_name + '/config', ['config/torque_gate.yaml', 'config/tractor.dbc']),
     ],
-    install_requires=['cantools', 'mcap', 'pyyaml', 'rosbags', 'zstandard'],
+    install_requires=['cantools', 'mcap', 'python-can', 'pyyaml', 'rosbags', 'zstandard'],
     zip_safe=False,
     maintainer='Traction-control suite maintainers',
     maintainer_email='maintainers@traction-control-suite.org',
-    description='Bags, player, recorder, and the gate that every wheel torque passes last.',
+    description="Bags, player, recorder, the bridge to a tractor's CAN bus, and the torque gate.",
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
             'bag_player = tractor_io.bag_player_node:main',
+            'can_bridge = tractor_io.can_bridge_node:main',
             'bag_recorder = tractor_io.bag_recorder_node:main',
             'torque_gate = tractor_io.torque_gate_node:main',
         ],

@@ -1,0 +1,216 @@
+"""The CAN bridge as a process, with a tractor on the other end of a bus over the loopback."""
+
+import math
+import socket
+import time
+
+import can
+import pytest
+from sensor_msgs.msg import JointState
+
+from traction_node.graph import NodeProcess, Probe, executable
+from tractor_io.can_interface import frame, open_bus
+from tractor_io.parameter_group import tractor_groups
+from tractor_io.torque_limit import LimitReader
+
+BRIDGE = executable('tractor_io', 'can_bridge')
+GROUPS = tractor_groups()
+PARAMETERS = {
+    'interface': 'udp_multicast', 'autostart': True, 'reference_torque': 500.0,
+    'gear_ratio': 40.0, 'efficiency': 1.0, 'front_share': 0.3,
+}  # fmt: skip
+
+
+def free_port():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as found:
+        found.bind(('127.0.0.1', 0))
+        return found.getsockname()[1]
+
+
+class Tractor:
+    """The other end of the bus, which sends when told and keeps what it hears."""
+
+    def __init__(self, port):
+        self.bus = open_bus('udp_multicast', port=port)
+        self._reader = LimitReader()
+        # (time, source, limit or None) of every TSC1.
+        self.limits = []
+
+    def send(self, name, source=0, **values):
+        identifier = GROUPS.identifier(name)._replace(source=source)
+        self.bus.send(frame(identifier.bits, GROUPS.encode(name, values)))
+
+    def drive(self):
+        self.send('WBSD', WheelBasedMachineSpeed=1.7, WheelBasedMachineDirection=1)
+        self.send('EEC1', ActualEnginePercentTorque=0.5, EngineSpeed=150.0)
+        self.send('GBSD', GroundBasedMachineSpeed=1.5)
+        self.send(
+            'HRW', FrontAxleLeftWheelSpeed=1.3, FrontAxleRightWheelSpeed=1.3,
+            RearAxleLeftWheelSpeed=1.7, RearAxleRightWheelSpeed=1.7,
+        )  # fmt: skip
+
+    def hear(self):
+        while (message := self.bus.recv(0.0)) is not None:
+            group = GROUPS.decode(message.arbitration_id, bytes(message.data))
+            if group is not None and group.name == 'TSC1':
+                limit = self._reader.read(group, bytes(message.data))
+                self.limits.append((time.monotonic(), group.identifier.source, limit))
+        return self.limits
+
+
+class Setup:
+    """Bridge, tractor and somebody on the ROS side."""
+
+    def __init__(self, probe, tractor, process):
+        self.probe, self.tractor, self.process = probe, tractor, process
+        self.wheels = probe.subscribe('wheel_states')
+        self.radar = probe.subscribe('radar')
+        self.publisher = probe.publisher('wheel_torque')
+
+    def drive(self, until, what, torques=None, timeout=10.0):
+        """Send what a tractor sends, and torques, every 10 ms until a condition holds."""
+
+        def work():
+            self.tractor.drive()
+            if torques is not None:
+                self.publisher.publish(
+                    JointState(name=['fl', 'fr', 'rl', 'rr'], effort=torques)
+                )  # fmt: skip
+            self.tractor.hear()
+
+        timer = self.probe.node.create_timer(0.01, work)
+        try:
+            return self.probe.wait_for(until, timeout, what)
+        finally:
+            self.probe.node.destroy_timer(timer)
+
+
+@pytest.fixture
+def setup(request, tmp_path):
+    port = free_port()
+    parameters = {**PARAMETERS, 'port': port, **getattr(request, 'param', {})}
+    with NodeProcess(BRIDGE, params=parameters) as process, Probe() as probe:
+        tractor = Tractor(port)
+        try:
+            yield Setup(probe, tractor, process)
+        finally:
+            tractor.bus.shutdown()
+
+
+def test_frames_become_wheel_states_and_radar(setup):
+    setup.drive(lambda: len(setup.wheels) > 5 and setup.radar, 'wheel_states and radar')
+    wheels = setup.wheels[-1]
+    assert list(wheels.name) == ['fl', 'fr', 'rl', 'rr']
+    assert list(wheels.velocity) == pytest.approx([2.0] * 4, abs=2e-3)
+    # Half of 500 N*m over 40: 10 kN*m, 30 % of it in front.
+    assert list(wheels.effort) == pytest.approx([1500, 1500, 3500, 3500])
+    radar = setup.radar[-1]
+    assert radar.twist.twist.linear.x == pytest.approx(1.5)
+    assert radar.twist.covariance[0] == pytest.approx(0.0025)
+
+
+def test_torques_become_a_limit_that_the_end_takes_back(setup):
+    torques = [750.0, 750.0, 1750.0, 1750.0]
+    limits = setup.tractor.limits
+
+    def limited():
+        return len(limits) > 20 and all(limit == pytest.approx(0.25) for *_, limit in limits[-10:])
+
+    setup.drive(limited, 'a limit of 25 %', torques)
+    assert {source for _, source, _ in limits} == {0x87}
+    # Every 10 ms.
+    span = limits[-1][0] - limits[-11][0]
+    assert 0.05 < span < 0.2
+    assert setup.process.interrupt() == 0
+    setup.tractor.hear()
+    assert limits[-1][2] is None
+
+
+def test_silence_of_the_gate_limits_to_nothing(setup):
+    limits = setup.tractor.limits
+    torques = [750.0, 750.0, 1750.0, 1750.0]
+    setup.drive(
+        lambda: limits and limits[-1][2] == pytest.approx(0.25), 'a limit of 25 %', torques
+    )
+    ended = time.monotonic()
+    setup.drive(lambda: limits[-1][2] == 0.0, 'a limit of 0')
+    assert limits[-1][0] - ended < 0.2
+
+
+def test_silence_of_the_bus_is_told_and_ends(setup):
+    diagnostics = setup.probe.diagnostics
+
+    def told(text):
+        return lambda: any(text in each.message for each in diagnostics('can_bridge')[-1:])
+
+    setup.drive(told('limits the engine'), 'all well')
+    setup.probe.wait_for(told('silent: HRW, EEC1, GBSD'), 5.0, 'silence')
+    setup.drive(told('limits the engine'), 'all well again')
+
+
+@pytest.mark.parametrize('setup', [{'sources': ['EEC1=7', 'HRW=0']}], indirect=True)
+def test_pinned_engine_alone_counts(setup):
+    setup.drive(lambda: len(setup.wheels) > 5, 'wheel_states')
+    assert list(setup.wheels[-1].effort) == []
+    for _ in range(3):
+        setup.tractor.send('EEC1', source=7, ActualEnginePercentTorque=0.1)
+    setup.drive(lambda: len(setup.wheels[-1].effort), 'torque of the pinned engine')
+    assert setup.wheels[-1].effort[2] == pytest.approx(700.0)
+
+
+def test_candump_log_is_heard_at_its_pace(tmp_path):
+    path = tmp_path / 'drive.log'
+    writer = can.CanutilsLogWriter(str(path))
+    for k in range(100):
+        for name, values in (
+            ('HRW', {'RearAxleLeftWheelSpeed': 0.0085 * k}),
+            ('GBSD', {'GroundBasedMachineSpeed': 0.01 * k}),
+        ):
+            message = frame(GROUPS.identifier(name)._replace(source=3).bits,
+                            GROUPS.encode(name, values))  # fmt: skip
+            message.timestamp = 1000.0 + 0.02 * k
+            writer.on_message_received(message)
+    writer.stop()
+    parameters = {**PARAMETERS, 'interface': 'candump', 'channel': path}
+    with Probe() as probe, NodeProcess(BRIDGE, params=parameters):
+        radar = probe.subscribe('radar')
+        wheels = probe.subscribe('wheel_states')
+        probe.wait_for(
+            lambda: radar and radar[-1].twist.twist.linear.x == pytest.approx(0.99), 20.0,
+            'the last frame',
+        )  # fmt: skip
+        first = radar[0]
+        span = radar[-1].header.stamp.sec - first.header.stamp.sec
+        span += 1e-9 * (radar[-1].header.stamp.nanosec - first.header.stamp.nanosec)
+        lasted = radar[-1].twist.twist.linear.x - first.twist.twist.linear.x
+        assert span == pytest.approx(2.0 * lasted, abs=0.1)
+        # Only the wheel that has a value.
+        assert list(wheels[-1].name) == ['rl']
+        # A log cannot be sent to, and that is told.
+        probe.wait_for(
+            lambda: any('cannot be sent to' in d.message or 'silent' in d.message
+                        for d in probe.diagnostics('can_bridge')), 5.0, 'diagnostics',
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'text'),
+    [
+        ({'interface': 'canbus'}, "unknown 'canbus', there are socketcan, udp_multicast"),
+        ({'sources': ['EEC1']}, "expected MESSAGE=ADDRESS, got 'EEC1'"),
+        ({'sources': ['EEC9=1']}, "unknown message 'EEC9'"),
+        ({'wheel_radii': [0.5]}, 'must give one radius for each'),
+        ({'gear_ratio': math.nan}, 'gear_ratio'),
+    ],
+)
+def test_bridge_refuses_bad_input_in_one_line(parameters, text):
+    with NodeProcess(BRIDGE, params={**PARAMETERS, **parameters}) as bridge:
+        assert bridge.wait() == 2
+        (line,) = bridge.output.splitlines()
+    assert text in line
+
+
+def test_bus_that_is_not_there_is_told():
+    parameters = {**PARAMETERS, 'interface': 'socketcan', 'channel': 'none0'}
+    with NodeProcess(BRIDGE, params=parameters) as bridge:
+        bridge.wait_for_output("CAN interface socketcan, channel 'none0'")

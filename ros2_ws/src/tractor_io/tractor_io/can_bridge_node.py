@@ -1,0 +1,298 @@
+"""CAN bridge node: bus to `wheel_states` and `radar`, `wheel_torque` to the engine's limit."""
+
+import threading
+import time
+
+import can
+from geometry_msgs.msg import TwistWithCovarianceStamped
+from sensor_msgs.msg import JointState
+
+from traction_node.diagnostic import ERROR, OK, WARN
+from traction_node.joints import JointError, JointOrder
+from traction_node.node import TractionLifecycleNode
+from traction_node.parameter import Parameter
+from traction_node.run import run
+from tractor_io.address_claim import AddressClaim, name_of
+from tractor_io.can_interface import DEFAULT_PORT, INTERFACES, frame, open_bus
+from tractor_io.drivetrain import Drivetrain
+from tractor_io.j1939 import Unknown
+from tractor_io.parameter_group import FrameError, tractor_groups
+from tractor_io.torque_limit import PERIOD
+from tractor_io.vehicle_bus import VehicleBus
+
+TELL_PERIOD = 1.0
+"""Time between two regular reports, s."""
+
+LISTEN_PERIOD = 0.1
+"""Longest wait for a frame before looking whether to end, s."""
+
+RETRY_PERIOD = 0.5
+"""Wait after the bus has failed, s."""
+
+# Manufacturer code for those without one of their own, and the function of a NAME.
+_MANUFACTURER, _FUNCTION = 2046, 130
+
+
+class CanBridgeNode(TractionLifecycleNode):
+    """Bridge to a tractor's bus; see `tractor_io.vehicle_bus` for what it hears and sends."""
+
+    NAME = 'can_bridge'
+    PARAMETERS = (
+        Parameter(
+            'interface', 'socketcan', f'kind of bus: {", ".join(INTERFACES)}', read_only=True
+        ),
+        Parameter(
+            'channel', '', 'name of the bus, multicast address, or path of the candump log; '
+            'empty for can0, 239.74.163.2', read_only=True,
+        ),
+        Parameter(
+            'port', DEFAULT_PORT, 'port of a bus over UDP', '', 1, 65535, read_only=True,
+        ),
+        Parameter('log', '', 'candump log to write all frames to; empty for none', read_only=True),
+        Parameter(
+            'wheel_names', ['fl', 'fr', 'rl', 'rr'], 'wheels front left and right, rear left '
+            'and right', read_only=True,
+        ),
+        Parameter(
+            'wheel_radii', [0.65, 0.65, 0.85, 0.85], 'their rolling radii', 'm', 0.01, 5.0,
+            read_only=True,
+        ),
+        Parameter(
+            'reference_torque', 500.0, 'engine torque of 100 %', 'N*m', 1.0, 1e5, read_only=True,
+        ),
+        Parameter(
+            'gear_ratio', 40.0, 'engine speed over wheel speed', '', 1e-3, 1e4, read_only=True,
+        ),
+        Parameter(
+            'efficiency', 0.9, 'torque at the wheels over ratio and engine torque', '', 0.01, 1.0,
+            read_only=True,
+        ),
+        Parameter(
+            'front_share', 0.3, 'share of torque of the front axle while engaged', '', 0.0, 0.99,
+            read_only=True,
+        ),
+        Parameter('front_engaged', True, 'whether the front axle is driven'),
+        Parameter('address', 0x87, 'address to claim first', '', 0, 253, read_only=True),
+        Parameter(
+            'identity', 1, 'number of this device in its NAME', '', 0, 2**21 - 1, read_only=True,
+        ),
+        Parameter('engine_address', 0, 'address of the engine', '', 0, 253, read_only=True),
+        Parameter(
+            'sources', ['any'], 'who is heard, as MESSAGE=ADDRESS; any: whoever is first',
+            read_only=True,
+        ),
+        Parameter(
+            'missed', 5.0, 'periods without a frame after which a message is silent', '', 1.1,
+            100.0, read_only=True,
+        ),
+        Parameter(
+            'timeout', 0.1, 'time after the last wheel_torque from which on the engine is limited '
+            'to none', 's', 0.01, 0.19, read_only=True,
+        ),
+        Parameter(
+            'radar_variance', 0.0025, 'variance of the speed over ground', 'm^2/s^2', 1e-8, 100.0,
+            read_only=True,
+        ),
+    )  # fmt: skip
+    _bus = None
+
+    def check_parameters(self, p):
+        """Refuse what does not fit together."""
+        if p.interface not in INTERFACES:
+            raise ValueError(
+                f'parameter "interface": unknown \'{p.interface}\', '
+                f'there are {", ".join(INTERFACES)}'
+            )
+        _make_bus(p)
+
+    def parameters_changed(self, p, names):
+        """Follow the engagement of the front axle."""
+        if self._bus is not None:
+            with self._lock:
+                self._bus.front_engaged = p.front_engaged
+
+    def configure(self):
+        """Build the bus as it is seen, and topics."""
+        self._lock = threading.Lock()
+        self._bus = _make_bus(self.p)
+        self._torques = JointOrder(self.p.wheel_names, 'wheel_torque effort', only=True)
+        self._wheels = JointState()
+        self._wheels.header.frame_id = 'base_link'
+        self._radar = TwistWithCovarianceStamped()
+        self._radar.header.frame_id = 'base_link'
+        self._radar.twist.covariance[0] = self.p.radar_variance
+        self._wheels_publisher = self.publisher('wheel_states')
+        self._radar_publisher = self.publisher('radar')
+        self.subscription('wheel_torque', self._command)
+
+    def activate(self):
+        """Open the bus, listen, claim an address, and limit the engine from then on."""
+        self._counts = dict.fromkeys(
+            ('frames', 'error_frames', 'bad_frames', 'bad_torques', 'failures'), 0
+        )
+        self._failure = ''
+        self._told = None
+        self._told_at = 0.0
+        self._can = open_bus(self.p.interface, self.p.channel, self.p.port)
+        try:
+            self._log = can.CanutilsLogWriter(self.p.log) if self.p.log else None
+        except OSError:
+            self._can.shutdown()
+            raise
+        self._ended = threading.Event()
+        self._bus.begin(time.monotonic())
+        self._thread = threading.Thread(target=self._listen, name='can', daemon=True)
+        self._thread.start()
+        self.steady_timer(PERIOD, self._work)
+
+    def deactivate(self):
+        """Give the engine back to its driver, and let go of the bus."""
+        self._ended.set()
+        with self._lock:
+            self._bus.end()
+            self._send(self._bus.outgoing(time.monotonic()))
+        self._thread.join()
+        self._can.shutdown()
+        if self._log is not None:
+            self._log.stop()
+
+    # The bus, in a thread of its own
+
+    def _listen(self):
+        while not self._ended.is_set():
+            try:
+                message = self._can.recv(LISTEN_PERIOD)
+            except (can.CanError, OSError) as error:
+                with self._lock:
+                    self._failed(error)
+                self._ended.wait(RETRY_PERIOD)
+                continue
+            if message is not None:
+                with self._lock:
+                    self._take(message)
+
+    def _take(self, message):
+        now = time.monotonic()
+        self._counts['frames'] += 1
+        self._failure = ''
+        if self._log is not None:
+            self._log.on_message_received(message)
+        if message.is_error_frame:
+            self._counts['error_frames'] += 1
+            return
+        if not message.is_extended_id or message.is_remote_frame:
+            # Not J1939.
+            return
+        try:
+            group = self._bus.take(now, message.arbitration_id, bytes(message.data))
+        except FrameError:
+            self._counts['bad_frames'] += 1
+            return
+        if group is None:
+            return
+        if group.name == 'HRW':
+            self._publish_wheels(now)
+        elif group.name == 'GBSD':
+            self._publish_radar(now)
+
+    def _publish_wheels(self, now):
+        speeds, torques = self._bus.wheel_speeds(now), self._bus.shaft_torques(now)
+        known = [j for j, speed in enumerate(speeds) if not isinstance(speed, Unknown)]
+        if not known:
+            return
+        message = self._wheels
+        message.header.stamp = self.get_clock().now().to_msg()
+        message.name = [self.p.wheel_names[j] for j in known]
+        message.velocity = [speeds[j] for j in known]
+        message.effort = [] if torques is None else [float(torques[j]) for j in known]
+        self._wheels_publisher.publish(message)
+
+    def _publish_radar(self, now):
+        speed = self._bus.ground_speed(now)
+        if isinstance(speed, Unknown):
+            return
+        self._radar.header.stamp = self.get_clock().now().to_msg()
+        self._radar.twist.twist.linear.x = speed
+        self._radar_publisher.publish(self._radar)
+
+    # The node
+
+    def _command(self, message):
+        if not self.active:
+            return
+        with self._lock:
+            try:
+                torques = self._torques.values(message.name, message.effort)
+                self._bus.command(time.monotonic(), torques)
+            except JointError:
+                self._counts['bad_torques'] += 1
+
+    def _work(self):
+        now = time.monotonic()
+        with self._lock:
+            self._send(self._bus.outgoing(now))
+            self._tell(now)
+
+    def _send(self, frames):
+        for identifier, data in frames:
+            message = frame(identifier, data)
+            try:
+                self._can.send(message)
+            except (can.CanError, OSError) as error:
+                self._failed(error)
+                return
+            if self._log is not None:
+                message.timestamp = time.time()
+                self._log.on_message_received(message)
+
+    def _failed(self, error):
+        self._counts['failures'] += 1
+        self._failure = str(error)
+
+    def _tell(self, now):
+        bus = self._bus
+        silent = [name for name in ('HRW', 'EEC1', 'GBSD') if bus.watch.silent(now, name)]
+        level, text = OK, f'limits the engine from address {bus.claim.address}'
+        if self._failure:
+            level, text = ERROR, f'the bus fails: {self._failure}'
+        elif silent:
+            level = ERROR if 'HRW' in silent else WARN
+            text = f'silent: {", ".join(silent)}'
+        elif not bus.claim.usable:
+            level, text = WARN, f'no address: {bus.claim.state.value}'
+        if (level, text) != self._told or now - self._told_at >= TELL_PERIOD:
+            self._told, self._told_at = (level, text), now
+            status = {
+                name: value.value if isinstance(value, Unknown) else round(value, 4)
+                for name, value in bus.status(now).items()
+            }
+            self.set_diagnostic(
+                level, text, limit=round(bus.limit(now), 3), **status, **self._counts,
+                **{f'refused_{name}': count for name, count in bus.watch.refused.items()},
+            )  # fmt: skip
+
+
+def _make_bus(p):
+    sources = {}
+    for entry in p.sources:
+        if entry == 'any':
+            continue
+        name, _, address = entry.partition('=')
+        if not address.isdecimal():
+            raise ValueError(f'parameter "sources": expected MESSAGE=ADDRESS, got \'{entry}\'')
+        sources[name] = int(address)
+    if len(p.wheel_names) != len(p.wheel_radii) or len(set(p.wheel_names)) != len(p.wheel_names):
+        raise ValueError('parameter "wheel_radii" must give one radius for each of "wheel_names"')
+    front = (True, True, False, False)
+    drivetrain = Drivetrain(front, p.reference_torque, p.gear_ratio, p.efficiency, p.front_share)
+    name = name_of(identity=p.identity, manufacturer=_MANUFACTURER, function=_FUNCTION)
+    return VehicleBus(
+        tractor_groups(), p.wheel_radii, drivetrain, AddressClaim(name, p.address, p.identity),
+        engine=p.engine_address, front_engaged=p.front_engaged, sources=sources, missed=p.missed,
+        timeout=p.timeout,
+    )  # fmt: skip
+
+
+def main():
+    """Entry point of the executable `can_bridge`."""
+    return run(CanBridgeNode)

@@ -1,0 +1,153 @@
+"""Interfaces to a CAN bus by name, over python-can.
+
+``socketcan`` is a bus of Linux, ``udp_multicast`` one over the loopback of this machine (its hop
+limit is 0: nothing leaves it), ``virtual`` one within this process, and ``candump`` a recorded log
+that is heard at the pace at which it was recorded, and not sent to.
+"""
+
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import can
+
+INTERFACES = ('socketcan', 'udp_multicast', 'virtual', 'candump')
+"""Names of the interfaces."""
+
+DEFAULT_CHANNELS = {'socketcan': 'can0', 'udp_multicast': '239.74.163.2', 'virtual': 'traction'}
+"""Channel of an interface that none is given for: name of the bus, or multicast address."""
+
+DEFAULT_PORT = 43113
+"""Port of a bus over UDP."""
+
+
+class BusError(ValueError):
+    """A bus that cannot be opened; the text says which, and why."""
+
+
+def open_bus(interface: str, channel: str = '', port: int = DEFAULT_PORT) -> can.BusABC:
+    """Open a bus.
+
+    Parameters
+    ----------
+    interface : str
+        One of `INTERFACES`.
+    channel : str
+        Name of the bus, multicast address, or path of the log; empty for the usual one.
+    port : int
+        Of a bus over UDP, 1 to 65535.
+
+    Returns
+    -------
+    can.BusABC
+        Of python-can: `recv`, `send` and `shutdown`.
+
+    Raises
+    ------
+    BusError
+        Naming what is not known, or why the bus cannot be opened.
+    """
+    if interface not in INTERFACES:
+        raise BusError(f"unknown CAN interface '{interface}': there are {', '.join(INTERFACES)}")
+    if not 1 <= port <= 65535:
+        raise BusError(f'port must be 1 to 65535, got {port}')
+    channel = channel or DEFAULT_CHANNELS.get(interface, '')
+    if interface == 'candump':
+        return CandumpBus(Path(channel))
+    options: dict[str, Any] = {}
+    if interface == 'udp_multicast':
+        options = {'port': port, 'hop_limit': 0, 'fd': False}
+    try:
+        return can.Bus(interface=interface, channel=channel, **options)
+    except (can.CanError, OSError, ValueError) as error:
+        raise BusError(f"CAN interface {interface}, channel '{channel}': {error}") from error
+
+
+class CandumpBus(can.BusABC):
+    """A log as `candump -l` writes it, heard as a bus.
+
+    Parameters
+    ----------
+    path : Path
+        The log.
+
+    Raises
+    ------
+    BusError
+        If there is no such file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        if not path.is_file():
+            raise BusError(f'{path}: no such candump log')
+        super().__init__(channel=str(path))
+        self._path = path
+        self._reader = can.CanutilsLogReader(str(path))
+        self._messages = iter(self._reader)
+        self._next: can.Message | None = None
+        # What a time of the log is as a steady time, s.
+        self._offset: float | None = None
+        self._ended = threading.Event()
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        if self._next is None:
+            try:
+                self._next = next(self._messages, None)
+            except ValueError as error:
+                raise can.CanOperationError(f'{self._path}: damaged line: {error}') from error
+        if self._next is None:
+            # Silent from here on.
+            self._ended.wait(timeout)
+            return None, False
+        now = time.monotonic()
+        if self._offset is None:
+            self._offset = now - self._next.timestamp
+        ahead = self._next.timestamp + self._offset - now
+        if ahead > 0.0:
+            self._ended.wait(ahead if timeout is None else min(ahead, timeout))
+            if timeout is not None and ahead > timeout:
+                return None, False
+        message, self._next = self._next, None
+        return message, False
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Refuse to send.
+
+        Parameters
+        ----------
+        msg : can.Message
+            A frame.
+        timeout : float or None
+            s, without effect.
+
+        Raises
+        ------
+        can.CanOperationError
+            Always.
+        """
+        raise can.CanOperationError(f'{self._path}: a log cannot be sent to')
+
+    def shutdown(self) -> None:
+        """Close the log, and end whatever waits for it."""
+        self._ended.set()
+        self._reader.stop()
+        super().shutdown()
+
+
+def frame(identifier: int, data: bytes) -> can.Message:
+    """Make a frame to send.
+
+    Parameters
+    ----------
+    identifier : int
+        29 bits.
+    data : bytes
+        At most 8 bytes.
+
+    Returns
+    -------
+    can.Message
+        Of python-can.
+    """
+    return can.Message(arbitration_id=identifier, data=data, is_extended_id=True, check=True)
