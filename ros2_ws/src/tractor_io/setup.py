@@ -23,6 +23,7 @@ setup(
             'bag_player = tractor_io.bag_player_node:main',
             'can_bridge = tractor_io.can_bridge_node:main',
             'bag_recorder = tractor_io.bag_recorder_node:main',
+            'tractor_ecu = tractor_io.tractor_ecu_node:main',
             'torque_gate = tractor_io.torque_gate_node:main',
         ],
     },

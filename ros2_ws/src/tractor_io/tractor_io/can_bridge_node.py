@@ -33,6 +33,34 @@ RETRY_PERIOD = 0.5
 _MANUFACTURER, _FUNCTION = 2046, 130
 
 
+DRIVETRAIN_PARAMETERS = (
+    Parameter(
+        'wheel_names', ['fl', 'fr', 'rl', 'rr'], 'wheels front left and right, rear left '
+        'and right', read_only=True,
+    ),
+    Parameter(
+        'wheel_radii', [0.65, 0.65, 0.85, 0.85], 'their rolling radii', 'm', 0.01, 5.0,
+        read_only=True,
+    ),
+    Parameter(
+        'reference_torque', 500.0, 'engine torque of 100 %', 'N*m', 1.0, 1e5, read_only=True,
+    ),
+    Parameter(
+        'gear_ratio', 40.0, 'engine speed over wheel speed', '', 1e-3, 1e4, read_only=True,
+    ),
+    Parameter(
+        'efficiency', 0.9, 'torque at the wheels over ratio and engine torque', '', 0.01, 1.0,
+        read_only=True,
+    ),
+    Parameter(
+        'front_share', 0.3, 'share of torque of the front axle while engaged', '', 0.0, 0.99,
+        read_only=True,
+    ),
+    Parameter('front_engaged', True, 'whether the front axle is driven'),
+)  # fmt: skip
+"""Parameters of wheels and drivetrain."""
+
+
 class CanBridgeNode(TractionLifecycleNode):
     """Bridge to a tractor's bus; see `tractor_io.vehicle_bus` for what it hears and sends."""
 
@@ -49,29 +77,7 @@ class CanBridgeNode(TractionLifecycleNode):
             'port', DEFAULT_PORT, 'port of a bus over UDP', '', 1, 65535, read_only=True,
         ),
         Parameter('log', '', 'candump log to write all frames to; empty for none', read_only=True),
-        Parameter(
-            'wheel_names', ['fl', 'fr', 'rl', 'rr'], 'wheels front left and right, rear left '
-            'and right', read_only=True,
-        ),
-        Parameter(
-            'wheel_radii', [0.65, 0.65, 0.85, 0.85], 'their rolling radii', 'm', 0.01, 5.0,
-            read_only=True,
-        ),
-        Parameter(
-            'reference_torque', 500.0, 'engine torque of 100 %', 'N*m', 1.0, 1e5, read_only=True,
-        ),
-        Parameter(
-            'gear_ratio', 40.0, 'engine speed over wheel speed', '', 1e-3, 1e4, read_only=True,
-        ),
-        Parameter(
-            'efficiency', 0.9, 'torque at the wheels over ratio and engine torque', '', 0.01, 1.0,
-            read_only=True,
-        ),
-        Parameter(
-            'front_share', 0.3, 'share of torque of the front axle while engaged', '', 0.0, 0.99,
-            read_only=True,
-        ),
-        Parameter('front_engaged', True, 'whether the front axle is driven'),
+        *DRIVETRAIN_PARAMETERS,
         Parameter('address', 0x87, 'address to claim first', '', 0, 253, read_only=True),
         Parameter(
             'identity', 1, 'number of this device in its NAME', '', 0, 2**21 - 1, read_only=True,
@@ -272,6 +278,30 @@ class CanBridgeNode(TractionLifecycleNode):
             )  # fmt: skip
 
 
+def make_drivetrain(p):
+    """Drivetrain of the parameters of a node.
+
+    Parameters
+    ----------
+    p : types.SimpleNamespace
+        Values of `DRIVETRAIN_PARAMETERS`, SI units.
+
+    Returns
+    -------
+    Drivetrain
+        Of four wheels, front and rear.
+
+    Raises
+    ------
+    ValueError
+        Naming what does not fit together.
+    """
+    if len(p.wheel_names) != len(p.wheel_radii) or len(set(p.wheel_names)) != len(p.wheel_names):
+        raise ValueError('parameter "wheel_radii" must give one radius for each of "wheel_names"')
+    front = (True, True, False, False)
+    return Drivetrain(front, p.reference_torque, p.gear_ratio, p.efficiency, p.front_share)
+
+
 def _make_bus(p):
     sources = {}
     for entry in p.sources:
@@ -281,10 +311,7 @@ def _make_bus(p):
         if not address.isdecimal():
             raise ValueError(f'parameter "sources": expected MESSAGE=ADDRESS, got \'{entry}\'')
         sources[name] = int(address)
-    if len(p.wheel_names) != len(p.wheel_radii) or len(set(p.wheel_names)) != len(p.wheel_names):
-        raise ValueError('parameter "wheel_radii" must give one radius for each of "wheel_names"')
-    front = (True, True, False, False)
-    drivetrain = Drivetrain(front, p.reference_torque, p.gear_ratio, p.efficiency, p.front_share)
+    drivetrain = make_drivetrain(p)
     name = name_of(identity=p.identity, manufacturer=_MANUFACTURER, function=_FUNCTION)
     return VehicleBus(
         tractor_groups(), p.wheel_radii, drivetrain, AddressClaim(name, p.address, p.identity),
