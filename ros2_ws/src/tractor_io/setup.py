@@ -10,7 +10,14 @@ setup(
     data_files=[
         ('share/ament_index/resource_index/packages', ['resource/' + package_name]),
         ('share/' + package_name, ['package.xml']),
-        ('share/' + package_name + '/config', ['config/torque_gate.yaml', 'config/tractor.dbc']),
+        (
+            'share/' + package_name + '/config',
+            [
+                'config/can_bus.yaml',
+                'config/torque_gate.yaml',
+                'config/tractor.dbc',
+            ],
+        ),
     ],
     install_requires=['cantools', 'mcap', 'python-can', 'pyyaml', 'rosbags', 'zstandard'],
     zip_safe=False,

@@ -39,6 +39,33 @@ def test_on_a_tractor_neither_plant_nor_drive_cycle_runs():
     ]
 
 
+@pytest.mark.parametrize('controlled', [True, False])
+def test_with_a_bus_nothing_but_frames_goes_between_tractor_and_suite(controlled):
+    described = system(simulated=True, controlled=controlled, can='udp_multicast')
+    nodes = {node.name: node for node in described}
+    assert {'can_bridge', 'tractor_ecu'} <= set(nodes)
+    for name in ('wheel_states', 'radar', 'wheel_torque'):
+        assert nodes['plant_node'].remappings[name] == f'tractor/{name}'
+        assert nodes['tractor_ecu'].remappings[name] == f'tractor/{name}'
+        assert name not in nodes['can_bridge'].remappings
+    # The driver's pedal is what the drive cycle asks for, wherever that goes.
+    asked = nodes['drive_cycle'].remappings.get('torque_request')
+    assert nodes['tractor_ecu'].remappings.get('torque_request') == asked
+    assert nodes['drive_cycle'].parameters['listeners'] == 2
+    for name in ('can_bridge', 'tractor_ecu'):
+        assert nodes[name].parameters['interface'] == 'udp_multicast'
+    bus = yaml.safe_load(nodes['can_bridge'].parameter_files[0].read_text(encoding='utf-8'))
+    # Both ends agree, and every part is for a node of the system.
+    assert bus['/**/can_bridge'] == bus['/**/tractor_ecu']
+    assert set(bus) <= {f'/**/{name}' for name in (*nodes, 'slip_controller')}
+
+
+def test_on_a_tractor_a_bus_brings_the_bridge_alone():
+    names = [node.name for node in system(simulated=False, can='socketcan')]
+    assert 'can_bridge' in names
+    assert 'tractor_ecu' not in names
+
+
 def test_parameters_go_to_their_node_and_a_wrong_name_is_refused():
     nodes = {n.name: n for n in system(simulated=True, parameters={'plant_node': {'seed': 7}})}
     assert nodes['plant_node'].parameters == {'seed': 7}

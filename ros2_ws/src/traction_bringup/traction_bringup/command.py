@@ -27,11 +27,15 @@ def demo(
         Path, typer.Option(help='Where to put picture and bags.', file_okay=False)
     ] = Path('out/demo'),
     duration: Annotated[float, typer.Option(help='Length of each drive, s.', min=12.0)] = 30.0,
+    can: Annotated[
+        str,
+        typer.Option(help='CAN interface between tractor and suite: udp_multicast, socketcan.'),
+    ] = '',
 ) -> None:
     """Drive a tractor onto a soft patch, without control and with it."""
     from traction_bringup.demo import demo as run_demo
 
-    run_demo(folder, duration, console)
+    run_demo(folder, duration, console, can)
 
 
 @app.command()

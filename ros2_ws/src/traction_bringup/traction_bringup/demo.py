@@ -17,6 +17,7 @@ from traction_bringup.recording import Recording, read_recording
 from traction_bringup.runner import RunningSystem, keep_local
 from traction_bringup.system import config, system
 from traction_node.stamp import seconds
+from tractor_io.can_interface import free_port
 
 SETTLE = 2.0
 """Time after the rear axle is on the soft patch from which slip is judged, s."""
@@ -43,7 +44,9 @@ def parameters_of(package: str, name: str, node: str) -> dict[str, Any]:
     return dict(content[f'/**/{node}']['ros__parameters'])
 
 
-def demo(folder: Path, duration: float, console: Console) -> tuple[DriveFigures, DriveFigures]:
+def demo(
+    folder: Path, duration: float, console: Console, can: str = ''
+) -> tuple[DriveFigures, DriveFigures]:
     """Drive twice, compare, and leave bags and a picture behind.
 
     Parameters
@@ -54,6 +57,9 @@ def demo(folder: Path, duration: float, console: Console) -> tuple[DriveFigures,
         Length of each drive, s, above 0.
     console : Console
         Where to show progress and figures.
+    can : str
+        CAN interface between tractor and suite, see `traction_bringup.system.system`; empty for
+        topics.
 
     Returns
     -------
@@ -72,11 +78,19 @@ def demo(folder: Path, duration: float, console: Console) -> tuple[DriveFigures,
     plant = parameters_of('traction_model', 'plant.yaml', 'plant_node')
     target, soft_from = float(drive['slip_target']), float(plant['soil_starts'][1])
 
+    changes: dict[str, dict[str, Any]] = {'drive_cycle': {'duration': duration}}
+    if can:
+        # Of our own, so that no other bus on this machine is heard.
+        port = free_port()
+        changes |= {
+            name: {'interface': can, 'port': port} for name in ('can_bridge', 'tractor_ecu')
+        }
+
     folder = folder / datetime.now().strftime('%Y-%m-%d_%H-%M-%S')
     folder.mkdir(parents=True)
     bags = [folder / 'without_control', folder / 'with_control']
     for bag, controlled, title in zip(bags, (False, True), TITLES, strict=True):
-        _drive(bag, controlled, title, duration, console)
+        _drive(bag, controlled, title, duration, console, changes)
     recordings = [read_recording(bag) for bag in bags]
     figures = [judge(recording, target, soft_from, SETTLE) for recording in recordings]
 
@@ -90,10 +104,17 @@ def demo(folder: Path, duration: float, console: Console) -> tuple[DriveFigures,
     return figures[0], figures[1]
 
 
-def _drive(bag: Path, controlled: bool, title: str, duration: float, console: Console) -> None:
+def _drive(
+    bag: Path,
+    controlled: bool,
+    title: str,
+    duration: float,
+    console: Console,
+    changes: Mapping[str, Mapping[str, Any]],
+) -> None:
     """Run the system for one drive and record it."""
-    changes: Mapping[str, Mapping[str, Any]] = {'drive_cycle': {'duration': duration}}
-    nodes = system(simulated=True, controlled=controlled, bag=bag, parameters=changes)
+    can = str(changes.get('can_bridge', {}).get('interface', ''))
+    nodes = system(simulated=True, controlled=controlled, bag=bag, can=can, parameters=changes)
     with Progress(
         TextColumn('{task.description:18}'),
         BarColumn(),

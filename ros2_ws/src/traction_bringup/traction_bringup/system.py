@@ -58,6 +58,7 @@ def system(
     simulated: bool,
     controlled: bool = True,
     bag: Path | str = '',
+    can: str = '',
     autostart: bool = True,
     parameter_file: Path | str = '',
     parameters: Mapping[str, Mapping[str, Any]] | None = None,
@@ -72,6 +73,9 @@ def system(
         With the slip controller; without, the drive cycle commands the gate directly.
     bag : Path or str
         Folder to record all topics into; empty for none.
+    can : str
+        CAN interface between the vehicle and the suite, of `tractor_io.can_interface.INTERFACES`;
+        empty for topics. A simulated tractor then has one engine.
     autostart : bool
         Lifecycle nodes configure and activate by themselves.
     parameter_file : Path or str
@@ -96,12 +100,14 @@ def system(
     if own and not own[0].is_file():
         raise ValueError(f'{parameter_file}: no such parameter file')
 
-    def files(package: str, name: str) -> tuple[Path, ...]:
-        return (config(package, name), *own)
+    bus = (config('tractor_io', 'can_bus.yaml'),) if can else ()
+    # In between plant and bus, so that all else hears frames only.
+    behind = {name: f'tractor/{name}' for name in ('wheel_states', 'radar', 'wheel_torque')}
 
     def lifecycle(package: str, name: str) -> NodeSpec:
+        shipped = () if name == 'can_bridge' else (config(package, f'{name}.yaml'),)
         return NodeSpec(
-            package, name, name, files(package, f'{name}.yaml'), {'autostart': autostart},
+            package, name, name, (*shipped, *bus, *own), {'autostart': autostart},
             lifecycle=True,
         )  # fmt: skip
 
@@ -115,7 +121,23 @@ def system(
                 'traction_model',
                 'plant_node',
                 'plant_node',
-                files('traction_model', 'plant.yaml'),
+                (config('traction_model', 'plant.yaml'), *bus, *own),
+                remappings=behind if can else {},
+            )
+        )
+    direct = {} if controlled else {'torque_request': 'wheel_torque_command'}
+    if can:
+        nodes.append(lifecycle('tractor_io', 'can_bridge'))
+        nodes[-1] = replace(nodes[-1], parameters={**nodes[-1].parameters, 'interface': can})
+    if can and simulated:
+        nodes.append(
+            NodeSpec(
+                'tractor_io',
+                'tractor_ecu',
+                'tractor_ecu',
+                (*bus, *own),
+                {'interface': can},
+                {**behind, **direct},
             )
         )
     if bag:
@@ -123,15 +145,14 @@ def system(
             NodeSpec('tractor_io', 'bag_recorder', 'bag_recorder', parameters={'output': str(bag)})
         )
     if simulated:
-        direct = {} if controlled else {'torque_request': 'wheel_torque_command'}
         nodes.append(
             NodeSpec(
                 'traction_bringup',
                 'drive_cycle',
                 'drive_cycle',
-                files('traction_bringup', 'drive_cycle.yaml'),
-                # Who acts on the request, and the recorder.
-                {'listeners': 2 if bag else 1},
+                (config('traction_bringup', 'drive_cycle.yaml'), *bus, *own),
+                # Who acts on the request, the engine on the bus, and the recorder.
+                {'listeners': 1 + bool(can) + bool(bag)},
                 direct,
             )
         )

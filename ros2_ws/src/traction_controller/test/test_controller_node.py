@@ -334,6 +334,14 @@ def test_law_lpv_with_the_table_of_the_vehicle():
             assert list(state.slip_gain) == pytest.approx(expected)
 
 
+def test_at_another_rate_than_the_table_is_for_all_other_laws_work():
+    with controller('slow', autostart=True, law='lqi', rate=50.0), Probe('slow') as probe:
+        probe.diagnostics(f'slow/{NODE}')
+        probe.wait_for_diagnostic(f'slow/{NODE}', 'waiting for slip_estimate')
+        assert 'lpv' in probe.set_parameter(NODE, 'law', 'lpv')
+        assert probe.set_parameter(NODE, 'law', 'pi') == ''
+
+
 def test_thrust_of_every_slip_estimate_counts_at_once(tractor, field):
     assert field.set_parameter(NODE, 'law', 'sliding_mode') == ''
     assert field.set_parameter(NODE, 'mode', 'hold') == ''

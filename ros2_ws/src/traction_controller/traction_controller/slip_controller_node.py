@@ -135,6 +135,8 @@ class SlipControllerNode(TractionLifecycleNode):
         driven_axles(vehicle, p.driven_axles)
         if _gain_table(p) is None and p.law == 'lpv':
             raise ValueError(f'law lpv needs a gain_table: none is shipped for {p.vehicle}')
+        if self._control is not None:
+            self._control.prepare(p.law)
         if p.set_point != 'none':
             load_soil(p.soil)
             if p.set_point_low > p.set_point_high:
@@ -182,8 +184,12 @@ class SlipControllerNode(TractionLifecycleNode):
         }
         table = _gain_table(p)
         if table is not None:
-            tables = read_gain_table(table, vehicle, 1.0 / p.rate)
-            settings['lpv'] = {'gain_table': tables}
+            try:
+                settings['lpv'] = {'gain_table': read_gain_table(table, vehicle, 1.0 / p.rate)}
+            except ValueError as error:
+                if p.law == 'lpv' or p.gain_table:
+                    raise
+                self.get_logger().info(f'law lpv cannot be chosen: {error}')
         self._given = p.slip_target, TargetSource.PARAMETER
         self._control = SlipControl(
             vehicle,

@@ -1,7 +1,6 @@
 """The CAN bridge as a process, with a tractor on the other end of a bus over the loopback."""
 
 import math
-import socket
 import time
 
 import can
@@ -9,7 +8,7 @@ import pytest
 from sensor_msgs.msg import JointState
 
 from traction_node.graph import NodeProcess, Probe, executable
-from tractor_io.can_interface import frame, open_bus
+from tractor_io.can_interface import frame, free_port, open_bus
 from tractor_io.parameter_group import tractor_groups
 from tractor_io.torque_limit import LimitReader
 
@@ -19,12 +18,6 @@ PARAMETERS = {
     'interface': 'udp_multicast', 'autostart': True, 'reference_torque': 500.0,
     'gear_ratio': 40.0, 'efficiency': 1.0, 'front_share': 0.3,
 }  # fmt: skip
-
-
-def free_port():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as found:
-        found.bind(('127.0.0.1', 0))
-        return found.getsockname()[1]
 
 
 class Tractor:

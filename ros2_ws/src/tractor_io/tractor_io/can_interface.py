@@ -5,6 +5,7 @@ limit is 0: nothing leaves it), ``virtual`` one within this process, and ``candu
 that is heard at the pace at which it was recorded, and not sent to.
 """
 
+import socket
 import threading
 import time
 from pathlib import Path
@@ -62,6 +63,19 @@ def open_bus(interface: str, channel: str = '', port: int = DEFAULT_PORT) -> can
         return can.Bus(interface=interface, channel=channel, **options)
     except (can.CanError, OSError, ValueError) as error:
         raise BusError(f"CAN interface {interface}, channel '{channel}': {error}") from error
+
+
+def free_port() -> int:
+    """Port for a bus over UDP that nobody uses.
+
+    Returns
+    -------
+    int
+        Number of the port, dimensionless.
+    """
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as found:
+        found.bind(('127.0.0.1', 0))
+        return int(found.getsockname()[1])
 
 
 class CandumpBus(can.BusABC):

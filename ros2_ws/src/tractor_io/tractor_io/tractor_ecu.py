@@ -180,10 +180,6 @@ class TractorEcu:
         actual = along * float(np.sum(torque)) / whole
         found: list[Frame] = []
         self._add(
-            found, t, 'HRW', TRACTOR,
-            dict(zip(WHEEL_FIELDS, np.minimum(np.abs(speeds), 69.0).tolist(), strict=True)),
-        )  # fmt: skip
-        self._add(
             found, t, 'EEC1', ENGINE,
             {
                 'ActualEnginePercentTorque': float(np.clip(actual, -HIGHEST, HIGHEST)),
@@ -207,6 +203,11 @@ class TractorEcu:
                     'GroundBasedMachineDirection': int(self._ground_speed >= 0.0),
                 },
             )  # fmt: skip
+        # Last, as it makes the bridge tell all that it has heard.
+        self._add(
+            found, t, 'HRW', TRACTOR,
+            dict(zip(WHEEL_FIELDS, np.minimum(np.abs(speeds), 69.0).tolist(), strict=True)),
+        )  # fmt: skip
         return found
 
     def _add(
