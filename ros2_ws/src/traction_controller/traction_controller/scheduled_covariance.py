@@ -35,7 +35,7 @@ from traction_controller.slip_filter import (
 from traction_controller.wheel_contact import quasi_static
 from traction_model.kernel import kernel
 from traction_model.rut import fresh_ruts
-from traction_model.wheel import FRICTION, RADIUS, STATIC_LOAD
+from traction_model.wheel import FRICTION, RADIUS, STATIC_LOAD, TRACK
 
 SPEEDS = (0.5, 1.5, 4.0, 10.0)
 """Speeds of the grid, m/s."""
@@ -167,7 +167,7 @@ class _SteadyDrive:
     def __init__(
         self, body: Body, noise: Noise, speed_variance: float, v: float, slipping: float
     ) -> None:
-        self._body, self._noise, self._speed_variance, self._v = body, noise, speed_variance, v
+        self._noise, self._speed_variance, self._v = noise, speed_variance, v
         n = len(body.wheels)
         m = FIRST_WHEEL + PER_WHEEL * n
         self._x, self._p = np.zeros(m), np.zeros((m, m))
@@ -175,7 +175,7 @@ class _SteadyDrive:
         # Each on fresh soil.
         self._ruts = fresh_ruts(0, 0.0)
         wheels = body.wheels.copy()
-        wheels[:, -1] = -1.0
+        wheels[:, TRACK] = -1.0
         self._body = body._replace(wheels=wheels)
         soil = np.empty((1, body.soils.shape[1]))
         self._omega, self._torque, self._drawbar = np.zeros(n), np.zeros(n), 0.0
@@ -188,7 +188,6 @@ class _SteadyDrive:
             self._torque[j] = moment + wheel[FRICTION] * self._omega[j]
             self._drawbar += moment / wheel[RADIUS] - resistance
             self._memory[j, RESISTANCE] = resistance
-        self._t = 0.0
 
     def begin(self, unknown_drawbar: float, nominal: float) -> None:
         begin(

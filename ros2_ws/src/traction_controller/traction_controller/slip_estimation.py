@@ -56,6 +56,7 @@ from traction_model.slip import LEAST_SPEED, is_valid, slip
 from traction_model.soil import Soil
 from traction_model.tractive import static_contact_length
 from traction_model.vehicle import Vehicle
+from traction_model.wheel import RADIUS, STATIC_LOAD, TRACK
 
 
 class Source(IntEnum):
@@ -309,7 +310,7 @@ class SlipEstimation:
         self._strengths = np.array(strengths)
         self._shear_modulus = float(soil.shear_deformation_modulus)
         # Until contact is quasi-static, see `traction_controller.slip_filter`.
-        self._settling = 2 * START_LENGTH * math.log(START_DOUBT) * float(self._wheels[:, 0].max())
+        self._settling = 2 * START_LENGTH * math.log(START_DOUBT) * float(self._wheels[:, RADIUS].max())
         # What holds the vehicle back is at first unknown by 0.3 of its weight.
         self._unknown_drawbar = 0.3 * float(loads.sum())
 
@@ -326,7 +327,7 @@ class SlipEstimation:
         n = len(self._wheels)
         m = FIRST_WHEEL + PER_WHEEL * n
         ruts = fresh_ruts(
-            1 + int(self._wheels[:, -1].max()) if self._wheels[0, -1] >= 0 else 0,
+            1 + int(self._wheels[:, TRACK].max()) if self._wheels[0, TRACK] >= 0 else 0,
             float(np.ptp(self.vehicle.wheel_positions)),
         )
         shapes = [(m,), (m, m), (n, MEMORY), (self._SCALARS,), *[ruts.depth.shape] * 3]
@@ -384,7 +385,7 @@ class SlipEstimation:
     @property
     def rolling_radius(self) -> NDArray[np.float64]:
         """Rolling radius of every wheel, m, shape (n,); that of the vehicle until set."""
-        return self._wheels[:, 0].copy()
+        return self._wheels[:, RADIUS].copy()
 
     def set_rolling_radius(self, radius: ArrayLike) -> None:
         """Compute rim speed, slip and thrust with other rolling radii from now on.
@@ -405,10 +406,10 @@ class SlipEstimation:
         radii = self._checked('rolling radius', radius)
         if np.any(radii <= 0.0):
             raise ValueError(f'rolling radius must be above 0 m, got {radii.tolist()}')
-        changed = np.abs(radii / self._wheels[:, 0] - 1.0) > OTHER_RADIUS
+        changed = np.abs(radii / self._wheels[:, RADIUS] - 1.0) > OTHER_RADIUS
         # Not in place: copies of this estimate have radii of their own.
         self._wheels = self._wheels.copy()
-        self._wheels[:, 0] = radii
+        self._wheels[:, RADIUS] = radii
         self._body = self._body._replace(wheels=self._wheels)
         for j in np.flatnonzero(changed):
             doubt_soil(self._x, self._p, j, self._body.changed, False)
@@ -440,7 +441,7 @@ class SlipEstimation:
     @property
     def thrust(self) -> NDArray[np.float64]:
         """Thrust from shaft torque, N, forward positive, shape (n,)."""
-        return np.asarray(self._memory[:, MOMENT] / self._wheels[:, 0])
+        return np.asarray(self._memory[:, MOMENT] / self._wheels[:, RADIUS])
 
     @property
     def resistance(self) -> float:
@@ -536,8 +537,8 @@ class SlipEstimation:
             if slope != 0.0:
                 # Slip over v: -1/rim when driving, -rim/v^2 when braking.
                 per_slip = abs(rim) if abs(rim) >= abs(v) else v * v / max(abs(rim), 1e-3)
-                load = self._wheels[j, 5]
-                stiffness[j] = max(LEAST_STIFFNESS * load, -slope * per_slip / self._wheels[j, 0])
+                load = self._wheels[j, STATIC_LOAD]
+                stiffness[j] = max(LEAST_STIFFNESS * load, -slope * per_slip / self._wheels[j, RADIUS])
         return np.asarray(stiffness)
 
     def wheel_states(self, t: float, omega: ArrayLike, torque: ArrayLike) -> None:
@@ -719,7 +720,7 @@ class SlipEstimation:
                 self._method, reading.t, reading.omega, reading.torque, self._x, self._p,
                 self._memory, self._scalars, self._ruts, self._body, self._noise,
             )  # fmt: skip
-        rims = self._wheels[:, 0] * self._memory[:, OMEGA]
+        rims = self._wheels[:, RADIUS] * self._memory[:, OMEGA]
         if np.max(np.abs(rims)) < self.least_speed:
             self._stand_still(int(np.argmin(np.abs(rims))))
 
@@ -727,7 +728,7 @@ class SlipEstimation:
         """Take the covariance that belongs to the present speed, slip and silence."""
         scalars = self._scalars
         t = scalars[TIME]
-        rims = self._wheels[:, 0] * self._memory[:, OMEGA]
+        rims = self._wheels[:, RADIUS] * self._memory[:, OMEGA]
         mean = float(np.mean([abs(slip(self.v, rim)) for rim in rims]))
         # After a start the filter's own covariance holds, which the start has left.
         if abs(self.v) > self.least_speed and scalars[TRAVELLED] > 2 * self._settling:
@@ -737,7 +738,7 @@ class SlipEstimation:
 
     def _stand_still(self, slowest: int) -> None:
         """All wheels (nearly) stand: so does the vehicle, unless a sensor says otherwise."""
-        radius, kept = self._wheels[slowest, 0], self._memory[slowest]
+        radius, kept = self._wheels[slowest, RADIUS], self._memory[slowest]
         rim = float(radius * kept[OMEGA])
         scalars = self._scalars
         scalars[TRAVELLED] = 0.0
@@ -802,7 +803,7 @@ class SlipEstimation:
         v, v_variance = self.v, self.v_variance
         v_valid = self.v_valid
         for j in range(self.n_wheels):
-            radius = self._wheels[j, 0]
+            radius = self._wheels[j, RADIUS]
             rim = radius * self._memory[j, OMEGA]
             self.rim_speed[j] = rim
             fastest = max(abs(v), abs(rim), 1e-3)
