@@ -310,7 +310,9 @@ class SlipEstimation:
         self._strengths = np.array(strengths)
         self._shear_modulus = float(soil.shear_deformation_modulus)
         # Until contact is quasi-static, see `traction_controller.slip_filter`.
-        self._settling = 2 * START_LENGTH * math.log(START_DOUBT) * float(self._wheels[:, RADIUS].max())
+        self._settling = (
+            2 * START_LENGTH * math.log(START_DOUBT) * float(self._wheels[:, RADIUS].max())
+        )
         # What holds the vehicle back is at first unknown by 0.3 of its weight.
         self._unknown_drawbar = 0.3 * float(loads.sum())
 
@@ -538,7 +540,9 @@ class SlipEstimation:
                 # Slip over v: -1/rim when driving, -rim/v^2 when braking.
                 per_slip = abs(rim) if abs(rim) >= abs(v) else v * v / max(abs(rim), 1e-3)
                 load = self._wheels[j, STATIC_LOAD]
-                stiffness[j] = max(LEAST_STIFFNESS * load, -slope * per_slip / self._wheels[j, RADIUS])
+                stiffness[j] = max(
+                    LEAST_STIFFNESS * load, -slope * per_slip / self._wheels[j, RADIUS]
+                )
         return np.asarray(stiffness)
 
     def wheel_states(self, t: float, omega: ArrayLike, torque: ArrayLike) -> None:
