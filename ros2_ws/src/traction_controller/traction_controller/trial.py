@@ -473,22 +473,20 @@ def answer(stepped: Drive, unstepped: Drive, step_time: float, vehicle: Vehicle)
     return np.asarray(np.average(each, axis=1, weights=moved[:, None] < ahead))
 
 
-def settling_time(response: Array, band: float = BAND) -> float:
-    """Time after which an answer stays near the step.
+def settling_time(response: Array) -> float:
+    """Time after which an answer stays within `BAND` of the step.
 
     Parameters
     ----------
     response : ndarray, shape (k,)
         Answer to a step of `STEP` at its first sample, dimensionless.
-    band : float
-        What counts as near, as a share of the step, above 0.
 
     Returns
     -------
     float
         s; infinite where the last sample is not near.
     """
-    outside = np.flatnonzero(np.abs(response - STEP) > band * STEP)
+    outside = np.flatnonzero(np.abs(response - STEP) > BAND * STEP)
     if not outside.size:
         return 0.0
     return math.inf if outside[-1] == len(response) - 1 else float(outside[-1] + 1) * DT

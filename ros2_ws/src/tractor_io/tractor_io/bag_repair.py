@@ -7,8 +7,8 @@ and writes what it got into a new bag; the damaged one stays as it is.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
-from typing import Any, BinaryIO
 
 import yaml
 from mcap.records import Channel, Message, Metadata, Schema
@@ -78,7 +78,7 @@ def repair_bag(
         raise BagError(f'{source}: nothing to repair: {records.reason or "it holds no messages"}')
     start, end = first[1].log_time, first[1].log_time
     with BagWriter(target, records.custom_data) as writer:
-        for topic, message in _chain(first, records):
+        for topic, message in chain([first], records):
             if topic not in writer.counts:
                 writer.add_topic(topic, *records.declared(topic))
             writer.write(topic, message.log_time, message.data)
@@ -133,14 +133,9 @@ def cut_bag(
         with BagWriter(output, reader.custom_data) as writer:
             for topic in wanted:
                 writer.add_topic(topic, reader.definition(topic), reader.topics[topic].qos)
-            for message in _chain(first, inside):
+            for message in chain([first], inside):
                 writer.write(message.topic, message.time, bytes(message.message))
     return dict(writer.counts)
-
-
-def _chain(first: Any, rest: Iterator[Any]) -> Iterator[Any]:
-    yield first
-    yield from rest
 
 
 def _mcap_of(path: Path) -> Path:
@@ -169,12 +164,10 @@ class _Records:
     def __iter__(self) -> Iterator[tuple[str, Message]]:
         return self._iterator
 
-    def __next__(self) -> tuple[str, Message]:
-        return next(self._iterator)
-
     def _messages(self) -> Iterator[tuple[str, Message]]:
         with self._path.open('rb') as file:
-            records = self._records(file)
+            reader = StreamReader(file, validate_crcs=True, record_size_limit=LARGEST_RECORD)
+            records = iter(reader.records)
             while True:
                 try:
                     record = next(records, None)
@@ -198,11 +191,6 @@ class _Records:
                     if self._progress is not None:
                         self._progress(file.tell() / max(1, self._size))
                     yield self._channels[record.channel_id].topic, record
-
-    @staticmethod
-    def _records(file: BinaryIO) -> Iterator[Any]:
-        reader = StreamReader(file, validate_crcs=True, record_size_limit=LARGEST_RECORD)
-        return iter(reader.records)
 
     def declared(self, topic: str) -> tuple[Definition, Qos]:
         """Type and quality of service of a topic."""

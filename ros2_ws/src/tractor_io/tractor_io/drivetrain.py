@@ -30,6 +30,11 @@ class Drivetrain:
     front_share : float
         Share of torque of the front axle while it is engaged, dimensionless, 0 to below 1.
 
+    Attributes
+    ----------
+    full_torque : float
+        Torque of all wheels at 100 % of the engine's, N*m.
+
     Raises
     ------
     ValueError
@@ -58,7 +63,7 @@ class Drivetrain:
             raise ValueError('there must be a wheel on the rear axle')
         if front_share > 0 and not is_front.any():
             raise ValueError('front_share must be 0 without a wheel on the front axle')
-        self._torque = reference_torque * ratio * efficiency
+        self.full_torque = reference_torque * ratio * efficiency
         rear = ~is_front / (~is_front).sum()
         both = (1.0 - front_share) * rear
         if is_front.any():
@@ -95,7 +100,7 @@ class Drivetrain:
         ndarray, shape (n,)
             N*m.
         """
-        return np.asarray(engine * self._torque * self._shares[front_engaged])
+        return np.asarray(engine * self.full_torque * self._shares[front_engaged])
 
     def engine_share(self, torques: ArrayLike, front_engaged: bool) -> float:
         """Most torque of the engine with which no wheel gets more than it may.
@@ -124,4 +129,4 @@ class Drivetrain:
         if not np.all(np.isfinite(most)):
             raise ValueError(f'wheel torques must be finite, got {most.tolist()}')
         driven = shares > 0
-        return float(np.min(most[driven] / shares[driven])) / self._torque
+        return float(np.min(most[driven] / shares[driven])) / self.full_torque

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tractor_io.drivetrain import Drivetrain
+from tractor_io.pace import Pace
 from tractor_io.parameter_group import ParameterGroups
 from tractor_io.torque_limit import HIGHEST, LimitReader
 from tractor_io.vehicle_bus import WHEEL_FIELDS, Frame
@@ -25,8 +26,6 @@ LIMIT_TIMEOUT = 0.1
 _FORWARD, _REVERSE = 1, 0
 # Speed below which the direction stays as it was, m/s.
 _STANDSTILL = 0.01
-# By how much a frame may come before it is due, s.
-_EARLY = 1e-3
 
 
 class TractorEcu:
@@ -65,8 +64,7 @@ class TractorEcu:
         self._readers: dict[int, LimitReader] = {}
         self._limits: dict[int, tuple[float, float]] = {}
         self.rejected = 0
-        # When each message is due, s.
-        self._due: dict[str, float] = {}
+        self._paces: dict[str, Pace] = {}
         self._direction = _FORWARD
         self._distance = 0.0
         self._last: float | None = None
@@ -80,8 +78,9 @@ class TractorEcu:
         torques : array_like, shape (4,)
             Torque of every wheel, N*m; the engine gives their sum, divided as the drivetrain does.
         """
-        whole = float(self._drivetrain.wheel_torques(1.0, self._front_engaged).sum())
-        self._demand = float(np.clip(np.sum(torques) / whole, -HIGHEST, HIGHEST))
+        self._demand = float(
+            np.clip(np.sum(torques) / self._drivetrain.full_torque, -HIGHEST, HIGHEST)
+        )
 
     def take(self, t: float, identifier: int, data: bytes) -> None:
         """Take in a frame of the bus.
@@ -175,9 +174,8 @@ class TractorEcu:
             self._direction = _FORWARD if wheel_based > 0 else _REVERSE
         self._distance += 0.0 if self._last is None else abs(wheel_based) * (t - self._last)
         self._last = t
-        whole = float(self._drivetrain.wheel_torques(1.0, self._front_engaged).sum())
         along = 1.0 if self._direction == _FORWARD else -1.0
-        actual = along * float(np.sum(torque)) / whole
+        actual = along * float(np.sum(torque)) / self._drivetrain.full_torque
         found: list[Frame] = []
         self._add(
             found, t, 'EEC1', ENGINE,
@@ -214,10 +212,9 @@ class TractorEcu:
         self, found: list[Frame], t: float, name: str, source: int, values: dict[str, float]
     ) -> None:
         """Add a frame if it is due."""
-        period = self._groups.period(name)
-        due = self._due.setdefault(name, t)
-        if t < due - _EARLY:
+        if name not in self._paces:
+            self._paces[name] = Pace(self._groups.period(name), t)
+        if not self._paces[name].due(t):
             return
-        self._due[name] = due + period if t < due + period else t + period
         identifier = self._groups.identifier(name)._replace(source=source)
         found.append((identifier.bits, self._groups.encode(name, values)))

@@ -17,6 +17,7 @@ from tractor_io.address_claim import AddressClaim
 from tractor_io.bus_watch import BusWatch
 from tractor_io.drivetrain import Drivetrain
 from tractor_io.j1939 import Identifier, Unknown
+from tractor_io.pace import Pace
 from tractor_io.parameter_group import Group, ParameterGroups
 from tractor_io.torque_limit import HIGHEST, PERIOD, TorqueLimit
 
@@ -112,8 +113,8 @@ class VehicleBus:
         # Newest limit and when it came; None before the first.
         self._share = 0.0
         self._commanded: float | None = None
-        # When the next limit is due; None while none is sent.
-        self._due: float | None = None
+        # When limits are due; None while none are sent.
+        self._pace: Pace | None = None
         self._outbox: list[Frame] = []
 
     # What is heard
@@ -267,14 +268,14 @@ class VehicleBus:
             Now, s.
         """
         self._commanded = None
-        self._due = t
+        self._pace = Pace(PERIOD, t)
         self._send(self.claim.start(t))
 
     def end(self) -> None:
         """Take the limit back: the engine is its driver's again."""
-        if self._due is not None and self.claim.usable:
+        if self._pace is not None and self.claim.usable:
             self._outbox.append(self._limit.release(self.claim.address))
-        self._due = None
+        self._pace = None
 
     def outgoing(self, t: float) -> list[Frame]:
         """Frames that are to be sent now; to be asked for at least every 10 ms.
@@ -290,10 +291,8 @@ class VehicleBus:
             Identifiers and data.
         """
         self._send(self.claim.poll(t))
-        if self._due is not None and self.claim.usable and t >= self._due - PERIOD / 10:
+        if self._pace is not None and self.claim.usable and self._pace.due(t):
             self._outbox.append(self._limit.limit(self.claim.address, self.limit(t)))
-            # In step, but what was missed is not sent late.
-            self._due = self._due + PERIOD if t < self._due + PERIOD else t + PERIOD
         frames, self._outbox = self._outbox, []
         return frames
 
