@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from traction_bringup.replay import replay
+from traction_bringup.estimate_errors import estimate_errors
 from traction_node.graph import NodeProcess, Probe, executable
 from tractor_io.bag import BagReader
 
@@ -36,7 +36,7 @@ def test_there_are_seven_bags():
 
 @pytest.mark.parametrize('name', NAMES)
 def test_core_meets_ground_truth(name):
-    errors = replay(BAGS / name)
+    errors = estimate_errors(BAGS / name)
     assert errors.total_slip_rmse <= AT_MOST[name]
     # 95 % of errors belong inside two standard deviations.
     assert 0.90 <= errors.within_two_sigma.min() <= errors.within_two_sigma.max() < 1.0
@@ -44,7 +44,7 @@ def test_core_meets_ground_truth(name):
 
 @pytest.mark.parametrize('name', sorted(set(NAMES) - {'wheel_soft_patch'}))
 def test_core_meets_ground_truth_with_any_noise(name):
-    seeds = [replay(BAGS / name, radar_seed=seed) for seed in range(3)]
+    seeds = [estimate_errors(BAGS / name, radar_seed=seed) for seed in range(3)]
     assert len({errors.total_slip_rmse for errors in seeds}) == 3
     # Nothing is made for one noise: the mean is as good as with the bag's own.
     assert np.mean([errors.total_slip_rmse for errors in seeds]) <= 1.1 * AT_MOST[name]
@@ -52,14 +52,14 @@ def test_core_meets_ground_truth_with_any_noise(name):
 
 def test_radar_gap_costs_little():
     window = {'settle': 5.0, 'until': 10.0}
-    without = replay(BAGS / 'tractor_soft_patch', **window)
-    gap = replay(BAGS / 'tractor_soft_patch', radar_gap=(5.0, 10.0), **window)
+    without = estimate_errors(BAGS / 'tractor_soft_patch', **window)
+    gap = estimate_errors(BAGS / 'tractor_soft_patch', radar_gap=(5.0, 10.0), **window)
     assert without.total_slip_rmse < gap.total_slip_rmse <= without.total_slip_rmse + 0.03
     assert gap.samples == without.samples
 
 
 def test_replay_gives_the_same_numbers_every_time():
-    first, second = (replay(BAGS / 'wheel_torque_sine') for _ in range(2))
+    first, second = (estimate_errors(BAGS / 'wheel_torque_sine') for _ in range(2))
     assert first.slip_rmse.tobytes() == second.slip_rmse.tobytes()
     assert first.speed_rmse == second.speed_rmse
 
@@ -141,7 +141,7 @@ def test_command_prints_the_error_of_the_core():
     assert status == 0
     printed = float(re.search(r'slip RMSE ([0-9.]+)', said).group(1))
     # Printed to four places.
-    assert printed == pytest.approx(replay(BAGS / 'wheel_drawbar').total_slip_rmse, abs=6e-5)
+    assert printed == pytest.approx(estimate_errors(BAGS / 'wheel_drawbar').total_slip_rmse, abs=6e-5)
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 import gc
 import math
 import sys
+import time
 import traceback
 from types import SimpleNamespace
 
@@ -196,6 +197,16 @@ class _Suite:
         self._entities.append((self.destroy_publisher, publisher))
         return publisher
 
+    def message(self, name):
+        """New message of one of the suite's topics, all zero.
+
+        Parameters
+        ----------
+        name : str
+            As for `publisher`.
+        """
+        return message_class(topic(name).type)()
+
     def subscription(self, name, callback):
         """Subscription to one of the suite's topics.
 
@@ -226,6 +237,10 @@ class _Suite:
         timer = self.create_timer(period, callback, clock=self._steady_clock)
         self._entities.append((self.destroy_timer, timer))
         return timer
+
+    def steady_time(self):
+        """Time of the clock of `steady_timer` [s]."""
+        return time.monotonic()
 
     def _destroy_entities(self, first=0):
         """Destroy what was created by the three methods above, from the one numbered `first`."""
