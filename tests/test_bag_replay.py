@@ -141,7 +141,8 @@ def test_command_prints_the_error_of_the_core():
     assert status == 0
     printed = float(re.search(r'slip RMSE ([0-9.]+)', said).group(1))
     # Printed to four places.
-    assert printed == pytest.approx(estimate_errors(BAGS / 'wheel_drawbar').total_slip_rmse, abs=6e-5)
+    errors = estimate_errors(BAGS / 'wheel_drawbar')
+    assert printed == pytest.approx(errors.total_slip_rmse, abs=6e-5)
 
 
 @pytest.mark.parametrize(
@@ -150,7 +151,7 @@ def test_command_prints_the_error_of_the_core():
         (['replay', 'bags/nowhere'], 'bags/nowhere'),
         (['replay', BAGS / 'wheel_drawbar', '--soil', 'dry_sandd'], "did you mean 'dry_sand'"),
         (['replay', BAGS / 'wheel_drawbar', '--vehicle', 'tractor_4wd'], 'wheel_states'),
-        (['replay', BAGS / 'wheel_drawbar', '--method', 'ufk'], "did you mean 'ukf'"),
+        (['replay', BAGS / 'wheel_drawbar', '-p', 'slip_estimator.method=ufk'], "'ukf'"),
         (['plot', BAGS / 'README.md'], 'not a bag'),
     ],
 )

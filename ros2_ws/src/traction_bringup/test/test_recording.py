@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from traction_bringup.estimate_errors import estimate_errors
 from traction_bringup.picture import draw
 from traction_bringup.recording import read_recording
-from traction_bringup.estimate_errors import estimate_errors
 from traction_node.graph import executable
 from tractor_io.bag import BagError, BagReader, BagWriter
 

@@ -2,8 +2,8 @@
 
 A behaviour is what a lifecycle node of the suite does, without ROS: `SlipEstimatorBehaviour`,
 `SlipControllerBehaviour`, `TorqueGateBehaviour`. Mixed with `traction_node.node` it is a node,
-put into a `LockStep` it runs on the time of whoever calls. The same messages in the same order give
-the same bytes.
+put into a `LockStep` it runs on the time of whoever calls. The same messages in the same order
+give the same bytes.
 """
 
 import logging
@@ -20,15 +20,13 @@ from traction_node import diagnostic
 from traction_node.parameter import resolve
 from traction_node.topics import topic
 
-_DTYPES = {
-    'bool': np.bool_,
-    **{
-        f'{kind}{bits}': np.dtype(f'{kind}{bits}')
-        for kind in ('int', 'uint', 'float')
-        for bits in (8, 16, 32, 64)
-        if kind != 'float' or bits > 16
-    },
-}
+_DTYPES: dict[str, np.dtype[Any]] = {
+    name: np.dtype(name)
+    for name in (
+        'bool', 'int8', 'uint8', 'int16', 'uint16', 'int32', 'uint32', 'int64', 'uint64',
+        'float32', 'float64',
+    )
+}  # fmt: skip
 
 
 class LockStep:
@@ -151,7 +149,7 @@ class LockStep:
             return np.zeros(length, _DTYPES[inner[0]])
         if payload[0] == 'string':
             return ''
-        return np.zeros((), _DTYPES.get(payload[0], np.uint8)).item()
+        return np.zeros((), _DTYPES.get(payload[0], 'uint8')).item()
 
     def publisher(self, name: str) -> Callable[[Any], None]:
         """Function that publishes to a topic of the suite: records, then delivers."""

@@ -1,12 +1,13 @@
 """Replay of a bag through estimator, controller and gate in lock step, the same every time.
 
-Total order (time in the bag, then order of its file), no clock, no middleware: what comes out depends
-on the bag, the parameters and the code alone.
+Total order (time in the bag, then order of its file), no clock, no middleware: what comes out
+depends on the bag, the parameters and the code alone.
 """
 
+import gc
 import hashlib
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -49,6 +50,8 @@ class Replay:
     ----------
     messages : list of tuple
         All that was published, in order: topic, type, time in the bag (ns), CDR bytes.
+    start : int
+        Time in the bag of its first message, ns.
     duration : float
         Length of the bag, s.
     wall : float
@@ -60,6 +63,7 @@ class Replay:
     """
 
     messages: list[tuple[str, str, int, bytes]] = field(default_factory=list)
+    start: int = 0
     duration: float = 0.0
     wall: float = 0.0
     errors: EstimateErrors | None = None
@@ -147,6 +151,44 @@ def read_parameters(path: Path | str) -> dict[str, dict[str, Any]]:
     return found
 
 
+def chosen_parameters(
+    path: Path | str | None, assignments: Sequence[str]
+) -> dict[str, dict[str, Any]]:
+    """Parameters by node from a file and from a command line.
+
+    Parameters
+    ----------
+    path : Path or str, optional
+        Parameter file of ROS 2.
+    assignments : sequence of str
+        Each ``NODE.NAME=VALUE``, the value as in YAML; they overrule the file.
+
+    Returns
+    -------
+    dict of str to dict
+        By node; SI units.
+
+    Raises
+    ------
+    ValueError
+        If file or assignment cannot be read.
+    """
+    chosen = read_parameters(path) if path is not None else {}
+    for assignment in assignments:
+        name, equals, text = assignment.partition('=')
+        node, dot, parameter = name.partition('.')
+        if not (node and dot and parameter and equals):
+            raise ValueError(f"parameter '{assignment}' should read NODE.NAME=VALUE")
+        try:
+            value = yaml.safe_load(text)
+        except yaml.YAMLError as error:
+            raise ValueError(
+                f"parameter '{assignment}': {' '.join(str(error).split())}"
+            ) from error
+        chosen.setdefault(node, {})[parameter] = value
+    return chosen
+
+
 def parameters_for(vehicle: str, soil: str, changes: Parameters) -> dict[str, dict[str, Any]]:
     """Parameters of estimator, controller and gate for a vehicle.
 
@@ -204,8 +246,8 @@ def replay(
     Parameters
     ----------
     path : Path or str
-        Bag, MCAP or sqlite3, with `wheel_states`, in any namespace. Without a `torque_request` in it,
-        the torque that was commanded counts as asked for.
+        Bag, MCAP or sqlite3, with `wheel_states`, in any namespace. Without a `torque_request` in
+        it, the torque that was commanded counts as asked for.
     vehicle, soil : str
         Empty for those the bag names.
     parameters : mapping of str to mapping, optional
@@ -244,7 +286,7 @@ def replay(
             'parameters': yaml.safe_dump(chosen, sort_keys=True, allow_unicode=True),
         }
 
-        estimates: dict[int, Any] = {}
+        estimates: dict[int, tuple[Any, Any, float]] = {}
         store = typestore()
 
         def record(name: str, type_name: str, ns: int, data: bytes) -> None:
@@ -269,22 +311,24 @@ def replay(
         judged = prefix + _TRUTH in there
         if judged:
             lockstep.subscribe('slip_estimate', remember)
-        wanted = sorted((there & set(sent)) | ({prefix + _TRUTH} if judged else set()))
         began = time.perf_counter()
-        truths = []
-        for message in bag.messages(wanted):
-            if message.topic in sent:
+        # As in a node: what is collected meanwhile would be found alive anyway.
+        gc.disable()
+        try:
+            for message in bag.messages(sorted(there & set(sent))):
                 lockstep.put(sent[message.topic], message.time, message.message)
-            else:
-                truths.append(message.message)
-            if progress is not None:
-                progress((message.time - bag.start) / max(1, bag.end - bag.start))
-        lockstep.advance(bag.end)
+                if progress is not None:
+                    progress((message.time - bag.start) / max(1, bag.end - bag.start))
+            lockstep.advance(bag.end)
+        finally:
+            gc.enable()
         result.wall = time.perf_counter() - began
-        result.duration = bag.duration
-        for truth in truths:
-            ns = nanoseconds(truth.header.stamp)
+        result.start, result.duration = bag.start, bag.duration
+        for message in bag.messages([prefix + _TRUTH]) if judged else ():
+            ns = nanoseconds(message.message.header.stamp)
             if ns in estimates:
-                judge.add((ns - bag.start) * 1e-9, *estimates[ns], truth)
+                slip, variances, speed = estimates[ns]
+                t = (ns - bag.start) * 1e-9
+                judge.add(t, slip, variances, speed, message.message)
         result.errors = judge.errors(load_vehicle(given['vehicle']).wheel_names)
     return result

@@ -1,8 +1,8 @@
-"""The node `slip_controller`: the behaviour of `traction_controller.slip_controller` as a process."""
+"""The node `slip_controller`: `traction_controller.slip_controller` as a process."""
 
+from traction_controller.slip_controller import SlipControllerBehaviour
 from traction_node.node import TractionLifecycleNode
 from traction_node.run import run
-from traction_controller.slip_controller import SlipControllerBehaviour
 
 
 class SlipControllerNode(SlipControllerBehaviour, TractionLifecycleNode):

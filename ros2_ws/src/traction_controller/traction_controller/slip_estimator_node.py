@@ -1,8 +1,8 @@
-"""The node `slip_estimator`: the behaviour of `traction_controller.slip_estimator` as a process."""
+"""The node `slip_estimator`: `traction_controller.slip_estimator` as a process."""
 
+from traction_controller.slip_estimator import SlipEstimatorBehaviour
 from traction_node.node import TractionLifecycleNode
 from traction_node.run import run
-from traction_controller.slip_estimator import SlipEstimatorBehaviour
 
 
 class SlipEstimatorNode(SlipEstimatorBehaviour, TractionLifecycleNode):

@@ -1,4 +1,4 @@
-"""The node `torque_gate`: the behaviour of `tractor_io.torque_gate` as a process."""
+"""The node `torque_gate`: `tractor_io.torque_gate` as a process."""
 
 from traction_node.node import TractionLifecycleNode
 from traction_node.run import run
