@@ -188,6 +188,11 @@ class _Host:
         self._diagnostic = diagnostic.Diagnostic()
         self._publish_diagnostics = lockstep.publisher('/diagnostics')
 
+    @property
+    def said(self) -> str:
+        """What its diagnostics say now."""
+        return self._diagnostic.message
+
     def check_parameters(self, p: SimpleNamespace) -> None:
         """As the hook of a node."""
 

@@ -265,7 +265,8 @@ def replay(
     Raises
     ------
     BagError
-        If the bag cannot be read, holds no `wheel_states`, or names no vehicle and none is given.
+        If the bag cannot be read, holds no `wheel_states` of the vehicle, or names no vehicle and
+        none is given.
     ValueError
         If vehicle, soil or a parameter is refused.
     """
@@ -293,8 +294,10 @@ def replay(
             result.messages.append((name, type_name, ns, data))
 
         lockstep = LockStep(store, record, bag.start)
-        for name, (_, behaviour) in BEHAVIOURS.items():
-            lockstep.add(behaviour, chosen[name])
+        nodes = {
+            name: lockstep.add(behaviour, chosen[name])
+            for name, (_, behaviour) in BEHAVIOURS.items()
+        }
 
         def remember(message: Any) -> None:
             stamp = nanoseconds(message.header.stamp)
@@ -323,6 +326,8 @@ def replay(
         finally:
             gc.enable()
         result.wall = time.perf_counter() - began
+        if not any(name == '/slip_estimate' for name, *_ in result.messages):
+            raise BagError(f'{path}: no estimate came of it: {nodes["slip_estimator"].said}')
         result.start, result.duration = bag.start, bag.duration
         for message in bag.messages([prefix + _TRUTH]) if judged else ():
             ns = nanoseconds(message.message.header.stamp)
