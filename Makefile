@@ -15,8 +15,9 @@ setup:  ## Make .venv and build the workspace (the others do this by themselves)
 demo: setup  ## Drive onto a soft patch without and with control; table, picture, bags
 	@.venv/bin/traction demo
 
-test: setup  ## Run every test
-	@.venv/bin/python -m pytest
+test: setup  ## Run every test; those with real processes after the others, which take all cores
+	@.venv/bin/python -m pytest -n 2 -m 'not process'; cores=$$?; \
+	.venv/bin/python -m pytest -m process && exit $$cores
 
 verify: setup  ## Compare the model with Chrono, the paper and wheel tests: docs/verification.md
 	@.venv/bin/python tools/verify.py
