@@ -58,14 +58,15 @@ def with_fraction(torque: float, fraction: float | Unknown) -> float:
     Parameters
     ----------
     torque : float
-        As a share of the engine's reference torque.
+        As a share of the engine's reference torque, dimensionless.
     fraction : float or Unknown
-        Likewise, 0 to below 0.01; anything else, as older senders have it, does not count.
+        As a share likewise, dimensionless, 0 to below 0.01; anything else does not count, as
+        senders of whole percents leave it out.
 
     Returns
     -------
     float
-        Torque as a share of the engine's reference torque.
+        Torque as a share of the engine's reference torque, dimensionless.
     """
     if isinstance(fraction, Unknown) or not 0.0 <= fraction < 0.00999:
         return torque
