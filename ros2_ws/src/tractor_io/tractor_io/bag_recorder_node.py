@@ -1,6 +1,9 @@
 """Bag recorder node: writes the suite's topics into an MCAP bag."""
 
+import yaml
+from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
 
 from traction_node.diagnostic import OK, WARN
@@ -9,6 +12,7 @@ from traction_node.parameter import Parameter
 from traction_node.run import run
 from traction_node.topics import message_class, topic, topics
 from tractor_io.bag import QOS, BagError, BagWriter, Qos
+from tractor_io.versions import versions
 
 ALL = 'all'
 
@@ -17,6 +21,12 @@ DEPTH = 1000
 
 FLUSH_PERIOD = 0.2
 """Time after which messages are out of this process's hands, s."""
+
+ASK_PERIOD = 1.0
+"""Time between two looks for nodes whose parameters are not in the bag yet, s."""
+
+MOST_ATTEMPTS = 5
+"""Looks after which a node that does not tell its parameters is left alone."""
 
 
 class BagRecorderNode(TractionNode):
@@ -46,7 +56,11 @@ class BagRecorderNode(TractionNode):
 
     def start(self):
         """Make the bag and subscribe."""
-        self._writer = BagWriter(self.p.output, {'source': 'recorded by bag_recorder'})
+        about = {'source': 'recorded by bag_recorder', **versions()}
+        self._writer = BagWriter(self.p.output, about)
+        # By node: times asked; and clients of those that have not answered yet.
+        self._asked = {}
+        self._asking = {}
         self._qos = {}
         self._subscriptions_by_name = {}
         names = topics() if ALL in self.p.topics else map(_table_name, self.p.topics)
@@ -58,6 +72,7 @@ class BagRecorderNode(TractionNode):
             self._subscribe(name)
         self.steady_timer(1.0, self._tell)
         self.steady_timer(FLUSH_PERIOD, self._flush)
+        self.steady_timer(ASK_PERIOD, self._ask_parameters)
         self._tell()
 
     def stop(self):
@@ -114,6 +129,54 @@ class BagRecorderNode(TractionNode):
         except BagError as error:
             self._give_up(error)
 
+    # Parameters of the others: asked for in passing, so that recording never waits for them.
+
+    def _ask_parameters(self):
+        if self._writer is None:
+            return
+        for name, namespace in self.get_node_names_and_namespaces():
+            node = f'{namespace.rstrip("/")}/{name}'
+            ours = node.startswith(self.get_namespace().rstrip('/') + '/')
+            # Hidden nodes are those of tools.
+            if ours and not name.startswith('_') and node not in self._asked:
+                self._asked[node] = 0
+                self._asking[node] = (
+                    self.create_client(ListParameters, f'{node}/list_parameters'),
+                    self.create_client(GetParameters, f'{node}/get_parameters'),
+                )
+        for node, (listing, getting) in list(self._asking.items()):
+            self._asked[node] += 1
+            if self._asked[node] > MOST_ATTEMPTS:
+                self._done_asking(node)
+            elif listing.service_is_ready() and getting.service_is_ready():
+                listing.call_async(ListParameters.Request()).add_done_callback(
+                    lambda future, node=node: self._take_names(node, future)
+                )
+
+    def _take_names(self, node, future):
+        if node not in self._asking or future.result() is None:
+            return
+        names = sorted(future.result().result.names)
+        self._asking[node][1].call_async(GetParameters.Request(names=names)).add_done_callback(
+            lambda answer: self._take_parameters(node, names, answer)
+        )
+
+    def _take_parameters(self, node, names, future):
+        if node not in self._asking or future.result() is None or self._writer is None:
+            return
+        found = map(parameter_value_to_python, future.result().values)
+        values = {name: _plain(value) for name, value in zip(names, found, strict=True)}
+        # Its clients go with the next look: this is called by one of them.
+        self._asked[node] = MOST_ATTEMPTS
+        try:
+            self._writer.say({f'parameters {node}': yaml.safe_dump(values, allow_unicode=True)})
+        except BagError as error:
+            self._give_up(error)
+
+    def _done_asking(self, node):
+        for client in self._asking.pop(node):
+            self.destroy_client(client)
+
     def _flush(self):
         if self._writer is None:
             return
@@ -144,6 +207,11 @@ class BagRecorderNode(TractionNode):
                 messages=sum(counts.values()),
                 **counts,
             )
+
+
+def _plain(value):
+    """Value of a parameter as YAML knows it."""
+    return value if value is None or isinstance(value, bool | int | float | str) else list(value)
 
 
 def _table_name(name):

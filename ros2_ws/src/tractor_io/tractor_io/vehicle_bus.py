@@ -316,4 +316,8 @@ class VehicleBus:
         return 0.0 if silent else self._share
 
     def _send(self, frames: Sequence[tuple[Identifier, bytes]]) -> None:
-        self._outbox += [(identifier.bits, data) for identifier, data in frames]
+        for identifier, data in frames:
+            frame = identifier.bits, data
+            # A flood of requests for the address is answered once a period.
+            if frame not in self._outbox:
+                self._outbox.append(frame)
