@@ -169,7 +169,8 @@ class BagRecorderNode(TractionNode):
         # Its clients go with the next look: this is called by one of them.
         self._asked[node] = MOST_ATTEMPTS
         try:
-            self._writer.say({f'parameters {node}': yaml.safe_dump(values, allow_unicode=True)})
+            text = yaml.safe_dump(values, allow_unicode=True, default_flow_style=None)
+            self._writer.say({f'parameters {node}': text})
         except BagError as error:
             self._give_up(error)
 
