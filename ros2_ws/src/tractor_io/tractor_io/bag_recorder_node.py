@@ -1,10 +1,17 @@
 """Bag recorder node: writes the suite's topics into an MCAP bag."""
 
 import yaml
+from rcl_interfaces.msg import ParameterEvent
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.parameter import parameter_value_to_python
-from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
+from rclpy.qos import (
+    DurabilityPolicy,
+    QoSPolicyKind,
+    QoSProfile,
+    ReliabilityPolicy,
+    qos_profile_parameter_events,
+)
 
 from traction_node.diagnostic import OK, WARN
 from traction_node.node import TractionNode
@@ -27,6 +34,9 @@ ASK_PERIOD = 1.0
 
 MOST_ATTEMPTS = 5
 """Looks after which a node that does not tell its parameters is left alone."""
+
+MOST_CHANGES = 100
+"""Changes of a node's parameters that are kept, the newest ones."""
 
 
 class BagRecorderNode(TractionNode):
@@ -61,6 +71,9 @@ class BagRecorderNode(TractionNode):
         # By node: times asked; and clients of those that have not answered yet.
         self._asked = {}
         self._asking = {}
+        # By node: what was changed while recording; and what is new to be said about the bag.
+        self._changes = {}
+        self._to_say = {}
         self._qos = {}
         self._subscriptions_by_name = {}
         names = topics() if ALL in self.p.topics else map(_table_name, self.p.topics)
@@ -70,6 +83,9 @@ class BagRecorderNode(TractionNode):
             if topic(name).qos == 'latched':
                 self._qos[name].durability = DurabilityPolicy.TRANSIENT_LOCAL
             self._subscribe(name)
+        self.create_subscription(
+            ParameterEvent, '/parameter_events', self._note_changes, qos_profile_parameter_events
+        )
         self.steady_timer(1.0, self._tell)
         self.steady_timer(FLUSH_PERIOD, self._flush)
         self.steady_timer(ASK_PERIOD, self._ask_parameters)
@@ -80,6 +96,7 @@ class BagRecorderNode(TractionNode):
         if self._writer is None:
             return
         try:
+            self._say()
             self._writer.close()
         except BagError as error:
             raise SystemExit(f'{self.NAME}: {error}') from error
@@ -134,11 +151,15 @@ class BagRecorderNode(TractionNode):
     def _ask_parameters(self):
         if self._writer is None:
             return
+        try:
+            self._say()
+        except BagError as error:
+            self._give_up(error)
+            return
         for name, namespace in self.get_node_names_and_namespaces():
             node = f'{namespace.rstrip("/")}/{name}'
-            ours = node.startswith(self.get_namespace().rstrip('/') + '/')
             # Hidden nodes are those of tools.
-            if ours and not name.startswith('_') and node not in self._asked:
+            if self._is_ours(node) and not name.startswith('_') and node not in self._asked:
                 self._asked[node] = 0
                 self._asking[node] = (
                     self.create_client(ListParameters, f'{node}/list_parameters'),
@@ -162,17 +183,33 @@ class BagRecorderNode(TractionNode):
         )
 
     def _take_parameters(self, node, names, future):
-        if node not in self._asking or future.result() is None or self._writer is None:
+        if node not in self._asking or future.result() is None:
             return
         found = map(parameter_value_to_python, future.result().values)
         values = {name: _plain(value) for name, value in zip(names, found, strict=True)}
         # Its clients go with the next look: this is called by one of them.
         self._asked[node] = MOST_ATTEMPTS
-        try:
-            text = yaml.safe_dump(values, allow_unicode=True, default_flow_style=None)
-            self._writer.say({f'parameters {node}': text})
-        except BagError as error:
-            self._give_up(error)
+        self._to_say[f'parameters {node}'] = _yaml(values)
+
+    def _note_changes(self, event):
+        if not (event.changed_parameters and self._is_ours(event.node)):
+            return
+        time = event.stamp.sec + round(1e-9 * event.stamp.nanosec, 3)
+        changes = self._changes.setdefault(event.node, [])
+        for parameter in event.changed_parameters:
+            value = _plain(parameter_value_to_python(parameter.value))
+            changes.append({'time': time, parameter.name: value})
+        del changes[:-MOST_CHANGES]
+        self._to_say[f'changed {event.node}'] = _yaml(changes)
+
+    def _say(self):
+        """Write what is new about the bag; seldom, as all of it is repeated."""
+        if self._to_say:
+            self._writer.say(self._to_say)
+            self._to_say = {}
+
+    def _is_ours(self, node):
+        return node.startswith(self.get_namespace().rstrip('/') + '/')
 
     def _done_asking(self, node):
         for client in self._asking.pop(node):
@@ -213,6 +250,10 @@ class BagRecorderNode(TractionNode):
 def _plain(value):
     """Value of a parameter as YAML knows it."""
     return value if value is None or isinstance(value, bool | int | float | str) else list(value)
+
+
+def _yaml(content):
+    return yaml.safe_dump(content, allow_unicode=True, default_flow_style=None, sort_keys=False)
 
 
 def _table_name(name):
