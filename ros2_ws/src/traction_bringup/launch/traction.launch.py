@@ -1,6 +1,7 @@
 """Launch estimator, controller and gate for a tractor whose topics come from elsewhere.
 
-ros2 launch traction_bringup traction.launch.py [parameters:=FILE] [bag:=FOLDER] [namespace:=NAME]
+ros2 launch traction_bringup traction.launch.py [parameters:=FILE] [bag:=FOLDER]
+    [namespace:=NAME] [can:=INTERFACE]
 """
 
 from launch import LaunchDescription
@@ -14,6 +15,7 @@ def _nodes(context):
     return actions(
         simulated=False,
         bag=LaunchConfiguration('bag').perform(context),
+        can=LaunchConfiguration('can').perform(context),
         namespace=LaunchConfiguration('namespace').perform(context),
         parameter_file=LaunchConfiguration('parameters').perform(context),
         autostart=LaunchConfiguration('autostart').perform(context).lower() == 'true',
@@ -26,6 +28,9 @@ def generate_launch_description():
         [
             DeclareLaunchArgument(
                 'bag', default_value='', description='folder to record all topics into'
+            ),
+            DeclareLaunchArgument(
+                'can', default_value='', description='CAN interface to the tractor, if any'
             ),
             DeclareLaunchArgument('namespace', default_value='', description='of all nodes'),
             DeclareLaunchArgument(

@@ -10,7 +10,7 @@ import yaml
 from rcl_interfaces.srv import GetParameters
 
 from traction_bringup.runner import NodeEndedError, RunningSystem
-from traction_bringup.system import NodeSpec, system
+from traction_bringup.system import NodeSpec, system, tractor
 from traction_node.graph import executable
 
 LAUNCH = Path(__file__).parents[1] / 'launch'
@@ -58,6 +58,15 @@ def test_with_a_bus_nothing_but_frames_goes_between_tractor_and_suite(controlled
     # Both ends agree, and every part is for a node of the system.
     assert bus['/**/can_bridge'] == bus['/**/tractor_ecu']
     assert set(bus) <= {f'/**/{name}' for name in (*nodes, 'slip_controller')}
+
+
+def test_a_tractor_alone_has_a_driver_who_waits_for_no_suite():
+    *others, driver = tractor(can='socketcan', parameters={'plant_node': {'seed': 7}})
+    assert [node.name for node in others] == ['plant_node', 'tractor_ecu']
+    assert others[0].parameters == {'seed': 7}
+    assert driver.name == 'drive_cycle'
+    assert driver.remappings == {'wheel_states': 'tractor/wheel_states'}
+    assert driver.parameters == {'listeners': 1}
 
 
 def test_on_a_tractor_a_bus_brings_the_bridge_alone():

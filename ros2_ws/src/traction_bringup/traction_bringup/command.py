@@ -1,4 +1,4 @@
-"""The command `traction`: demo, replay, plot, bag, sweep, synthesize."""
+"""The command `traction`: demo, ecu, replay, plot, bag, sweep, synthesize."""
 
 import math
 from pathlib import Path
@@ -8,6 +8,8 @@ import typer
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
+
+from tractor_io.can_interface import DEFAULT_PORT
 
 app = typer.Typer(
     help='Off-road traction control: simulate, control, replay, look.',
@@ -36,6 +38,30 @@ def demo(
     from traction_bringup.demo import demo as run_demo
 
     run_demo(folder, duration, console, can)
+
+
+@app.command()
+def ecu(
+    can: Annotated[
+        str, typer.Option(help='CAN interface to be heard on: udp_multicast, socketcan.')
+    ] = 'udp_multicast',
+    channel: Annotated[
+        str, typer.Option(help='Name of the bus, or multicast address; default: the usual one.')
+    ] = '',
+    port: Annotated[
+        int, typer.Option(help='Port of a bus over UDP.', min=1, max=65535)
+    ] = DEFAULT_PORT,
+    parameters: Annotated[
+        str,
+        typer.Option(
+            help='YAML file of parameters of your own for plant_node, tractor_ecu and drive_cycle.'
+        ),
+    ] = '',
+) -> None:
+    """Be a tractor on a CAN bus, simulated, until Ctrl-C."""
+    from traction_bringup.ecu import ecu as run_ecu
+
+    run_ecu(can, channel, port, parameters, console)
 
 
 @app.command()
@@ -269,7 +295,10 @@ def info(bag: Bag) -> None:
             )
         console.print(table)
         for key, value in reader.custom_data.items():
-            console.print(f'{key}: {value}', soft_wrap=True, highlight=False, markup=False)
+            # Parameters of a node are many lines.
+            lines = value.strip().splitlines()
+            text = '\n    '.join([f'{key}:', *lines]) if len(lines) > 1 else f'{key}: {value}'
+            console.print(text, soft_wrap=True, highlight=False, markup=False)
 
 
 @bag_app.command()

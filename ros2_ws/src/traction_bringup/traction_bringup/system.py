@@ -164,3 +164,42 @@ def system(
     if changes:
         raise ValueError(f'the system has no node {", ".join(changes)}')
     return described
+
+
+TRACTOR = ('plant_node', 'tractor_ecu', 'drive_cycle')
+"""Nodes of a simulated tractor behind a bus."""
+
+
+def tractor(
+    *,
+    can: str,
+    parameter_file: Path | str = '',
+    parameters: Mapping[str, Mapping[str, Any]] | None = None,
+) -> list[NodeSpec]:
+    """Describe a simulated tractor behind a CAN bus, with its driver, for a suite elsewhere.
+
+    Parameters
+    ----------
+    can : str
+        CAN interface, of `tractor_io.can_interface.INTERFACES`.
+    parameter_file, parameters
+        As `system` takes them.
+
+    Returns
+    -------
+    list of NodeSpec
+        The nodes; the drive cycle, which is the driver's foot, comes last.
+
+    Raises
+    ------
+    ValueError
+        As `system` does.
+    """
+    nodes = system(
+        simulated=True, can=can, parameter_file=parameter_file, parameters=parameters
+    )  # fmt: skip
+    *others, driver = (node for node in nodes if node.name in TRACTOR)
+    # The driver takes his time from the tractor, and waits for no suite.
+    alone = {**driver.parameters, 'listeners': 1}
+    behind = {**driver.remappings, 'wheel_states': 'tractor/wheel_states'}
+    return [*others, replace(driver, parameters=alone, remappings=behind)]

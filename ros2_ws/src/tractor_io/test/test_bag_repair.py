@@ -131,3 +131,20 @@ def test_cut_refuses_in_words(tmp_path, arguments, text):
     with pytest.raises(BagError, match=text):
         cut_bag(tmp_path / 'bag', tmp_path / 'part', *arguments)
     assert not (tmp_path / 'part').exists()
+
+
+def test_what_is_said_later_is_kept_whether_closed_or_killed(tmp_path):
+    said = {'vehicle': 'tractor_4wd', 'parameters /torque_gate': 'timeout: 0.1\n'}
+    for name in ('closed', 'killed'):
+        bag = write(tmp_path / name, closed=False)
+        bag.say({'parameters /torque_gate': 'timeout: 0.1\n'})
+        bag.flush()
+        if name == 'closed':
+            bag.close()
+            path = tmp_path / name
+        else:
+            path = repair_bag(tmp_path / name).path
+            bag.abort()
+        with BagReader(path) as reader:
+            assert reader.custom_data == said
+            assert reader.topics['/wheel_states'].count == 100

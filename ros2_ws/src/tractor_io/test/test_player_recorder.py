@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -101,6 +102,38 @@ def test_killed_recorder_loses_less_than_a_second(tmp_path):
     assert sum(published.values()) > 500
     for topic, count in published.items():
         assert repaired.counts[topic] >= 0.99 * count
+
+
+def test_bag_tells_versions_and_parameters_of_the_nodes(tmp_path):
+    output = tmp_path / 'told'
+    gate = executable('tractor_io', 'torque_gate')
+    with (
+        Probe(namespace='/one') as probe,
+        NodeProcess(gate, params={'timeout': 0.07}, namespace='one'),
+        NodeProcess(executable('tractor_io', 'can_bridge'), namespace='one'),
+        NodeProcess(RECORDER, params={'output': output}, namespace='one') as recorder,
+    ):
+
+        def told():
+            # Said at once, so that a killed recorder has it as well.
+            files = list(output.glob('*.mcap'))
+            return files and b'parameters /one/torque_gate' in files[0].read_bytes()
+
+        probe.wait_for(told, 30.0, 'parameters of the gate in the bag')
+        # As late as can be: said when the bag is closed.
+        changed = probe.set_parameter('can_bridge', 'front_engaged', False)
+        assert changed == ''
+        probe.run_for(0.2)
+        assert recorder.interrupt() == 0
+    with BagReader(output) as bag:
+        said = yaml.safe_load(bag.custom_data['parameters /one/torque_gate'])
+        assert said['timeout'] == 0.07
+        assert said['wheel_names'] == ['fl', 'fr', 'rl', 'rr']
+        [change] = yaml.safe_load(bag.custom_data['changed /one/can_bridge'])
+        assert change.pop('time') == pytest.approx(time.time(), abs=60.0)
+        assert change == {'front_engaged': False}
+        assert bag.custom_data['version tractor_io'] == '0.1.0'
+        assert {'version python', 'ros_distro'} <= set(bag.custom_data)
 
 
 COMMANDS = ('torque_request', 'wheel_torque_command', 'wheel_torque')

@@ -4,8 +4,9 @@ import math
 
 import pytest
 
+from tractor_io.j1939 import Unknown
 from tractor_io.parameter_group import FrameError, tractor_groups
-from tractor_io.torque_limit import LimitReader, TorqueLimit, checksum
+from tractor_io.torque_limit import LimitReader, TorqueLimit, checksum, with_fraction
 
 GROUPS = tractor_groups()
 
@@ -18,10 +19,10 @@ def test_frame_by_hand():
     identifier, data = TorqueLimit(GROUPS, destination=0, priority=1).limit(0x27, 0.5)
     assert identifier == 0x0C000027
     # Mode 3, conditions all ones, priority 1, ones: 11 01 11 11 from the top. Speed 0xFAFF, 50 %
-    # is 175, standard rate and P32 all ones.
-    assert data[:7] == bytes([0b11011111, 0xFF, 0xFA, 175, 0xFF, 0xFF, 0xFF])
-    # 223 + 255 + 250 + 175 + 3*255 + 0 + (0x27 + 0 + 0 + 0x0C) = 1719; 1719 >> 6 is 26, & 3 is 2;
-    # 1719 >> 3 is 214; 2 + 214 + 1719 = 1935, & 7 is 7.
+    # is 175, standard rate and P32 all ones, no eighths of a percent.
+    assert data[:7] == bytes([0b11011111, 0xFF, 0xFA, 175, 0xFF, 0xF0, 0xFF])
+    # 223 + 255 + 250 + 175 + 255 + 240 + 255 + 0 + (0x27 + 0 + 0 + 0x0C) = 1704;
+    # 1704 >> 6 is 26, & 3 is 2; 1704 >> 3 is 213; 2 + 213 + 1704 = 1919, & 7 is 7.
     assert checksum(identifier, data, 0) == 7
     assert data[7] == 0x70
 
@@ -33,10 +34,25 @@ def test_counter_goes_round():
 
 
 @pytest.mark.parametrize(
-    ('asked', 'told'), [(0.5, 0.5), (0.509, 0.5), (-0.501, -0.51), (1.25, 1.25), (0.29, 0.29)]
+    ('asked', 'told'),
+    [(0.5, 0.5), (0.509, 0.50875), (-0.501, -0.50125), (1.25, 1.25), (0.29, 0.29)],
 )
 def test_limits_are_never_rounded_up(asked, told):
     assert read(LimitReader(), *TorqueLimit(GROUPS).limit(1, asked)) == pytest.approx(told)
+
+
+def test_engine_of_whole_percents_is_limited_to_less():
+    identifier, data = TorqueLimit(GROUPS).limit(1, 0.509)
+    values = GROUPS.decode(identifier, data).values
+    assert values['EngineRequestedTorque'] == pytest.approx(0.5)
+    assert values['EngineRequestedTorqueFraction'] == pytest.approx(0.00875)
+
+
+def test_sender_of_whole_percents_leaves_the_fraction_out():
+    # All ones: not available; 8 of 8 is reserved.
+    assert with_fraction(0.4, Unknown.NOT_AVAILABLE) == 0.4
+    assert with_fraction(0.4, 0.01) == 0.4
+    assert with_fraction(-0.4, 0.00125) == pytest.approx(-0.39875)
 
 
 def test_release_takes_the_limit_back():

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from tractor_io.address_claim import CLAIMED_PGN, WAIT, AddressClaim, name_of
+from tractor_io.address_claim import CLAIMED_PGN, REQUEST_PGN, WAIT, AddressClaim, name_of
 from tractor_io.drivetrain import Drivetrain
 from tractor_io.j1939 import Identifier, Unknown
 from tractor_io.parameter_group import tractor_groups
@@ -202,3 +202,11 @@ def test_what_is_refused(arguments, text):
     for radii, said in (([0.6] * 3, 'expected 4 radii'), ([0.6] * 3 + [0.0], 'radius 3 must be')):
         with pytest.raises(ValueError, match=said):
             VehicleBus(GROUPS, radii, drivetrain, AddressClaim(NAME, OURS))
+
+
+def test_flood_of_requests_is_answered_once_a_period():
+    bus = ready()
+    request = Identifier(REQUEST_PGN, 3, OURS).bits
+    for _ in range(1000):
+        bus.take(0.0, request, CLAIMED_PGN.to_bytes(3, 'little'))
+    assert len(bus.outgoing(0.0)) == 2  # the claim and a limit

@@ -38,7 +38,7 @@ CHUNK_SIZE = 256 * 1024
 """Bytes, uncompressed, of one chunk of a written bag."""
 
 CUSTOM_DATA = 'traction_custom_data'
-"""Name of the metadata record at the beginning of a bag that keeps what is said about it."""
+"""Name of the metadata records of a bag that keep what is said about it; the last one counts."""
 
 MCAP_MAGIC = b'\x89MCAP0\r\n'
 
@@ -547,6 +547,27 @@ class BagWriter:
             self.close()
         else:
             self.abort()
+
+    def say(self, custom_data: Mapping[str, str]) -> None:
+        """Add to what is said about the bag.
+
+        Parameters
+        ----------
+        custom_data : mapping of str to str
+            What is new or has changed.
+
+        Raises
+        ------
+        BagError
+            When writing fails, such as on a full disk.
+        """
+        self._custom_data |= custom_data
+        # Metadata stand between chunks.
+        self.flush()
+        try:
+            self._writer.add_metadata(CUSTOM_DATA, self._custom_data)
+        except OSError as error:
+            raise self._failure(error) from error
 
     def add_topic(
         self, topic: str, message_type: str | Definition, qos: Qos | None = None

@@ -1,7 +1,17 @@
 """Bag recorder node: writes the suite's topics into an MCAP bag."""
 
+import yaml
+from rcl_interfaces.msg import ParameterEvent
+from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
+from rclpy.parameter import parameter_value_to_python
+from rclpy.qos import (
+    DurabilityPolicy,
+    QoSPolicyKind,
+    QoSProfile,
+    ReliabilityPolicy,
+    qos_profile_parameter_events,
+)
 
 from traction_node.diagnostic import OK, WARN
 from traction_node.node import TractionNode
@@ -9,6 +19,7 @@ from traction_node.parameter import Parameter
 from traction_node.run import run
 from traction_node.topics import message_class, topic, topics
 from tractor_io.bag import QOS, BagError, BagWriter, Qos
+from tractor_io.versions import versions
 
 ALL = 'all'
 
@@ -17,6 +28,15 @@ DEPTH = 1000
 
 FLUSH_PERIOD = 0.2
 """Time after which messages are out of this process's hands, s."""
+
+ASK_PERIOD = 1.0
+"""Time between two looks for nodes whose parameters are not in the bag yet, s."""
+
+MOST_ATTEMPTS = 5
+"""Looks after which a node that does not tell its parameters is left alone."""
+
+MOST_CHANGES = 100
+"""Changes of a node's parameters that are kept, the newest ones."""
 
 
 class BagRecorderNode(TractionNode):
@@ -46,7 +66,14 @@ class BagRecorderNode(TractionNode):
 
     def start(self):
         """Make the bag and subscribe."""
-        self._writer = BagWriter(self.p.output, {'source': 'recorded by bag_recorder'})
+        about = {'source': 'recorded by bag_recorder', **versions()}
+        self._writer = BagWriter(self.p.output, about)
+        # By node: times asked; and clients of those that have not answered yet.
+        self._asked = {}
+        self._asking = {}
+        # By node: what was changed while recording; and what is new to be said about the bag.
+        self._changes = {}
+        self._to_say = {}
         self._qos = {}
         self._subscriptions_by_name = {}
         names = topics() if ALL in self.p.topics else map(_table_name, self.p.topics)
@@ -56,8 +83,12 @@ class BagRecorderNode(TractionNode):
             if topic(name).qos == 'latched':
                 self._qos[name].durability = DurabilityPolicy.TRANSIENT_LOCAL
             self._subscribe(name)
+        self.create_subscription(
+            ParameterEvent, '/parameter_events', self._note_changes, qos_profile_parameter_events
+        )
         self.steady_timer(1.0, self._tell)
         self.steady_timer(FLUSH_PERIOD, self._flush)
+        self.steady_timer(ASK_PERIOD, self._ask_parameters)
         self._tell()
 
     def stop(self):
@@ -65,6 +96,7 @@ class BagRecorderNode(TractionNode):
         if self._writer is None:
             return
         try:
+            self._say()
             self._writer.close()
         except BagError as error:
             raise SystemExit(f'{self.NAME}: {error}') from error
@@ -114,6 +146,75 @@ class BagRecorderNode(TractionNode):
         except BagError as error:
             self._give_up(error)
 
+    # Parameters of the others: asked for in passing, so that recording never waits for them.
+
+    def _ask_parameters(self):
+        if self._writer is None:
+            return
+        try:
+            self._say()
+        except BagError as error:
+            self._give_up(error)
+            return
+        for name, namespace in self.get_node_names_and_namespaces():
+            node = f'{namespace.rstrip("/")}/{name}'
+            # Hidden nodes are those of tools.
+            if self._is_ours(node) and not name.startswith('_') and node not in self._asked:
+                self._asked[node] = 0
+                self._asking[node] = (
+                    self.create_client(ListParameters, f'{node}/list_parameters'),
+                    self.create_client(GetParameters, f'{node}/get_parameters'),
+                )
+        for node, (listing, getting) in list(self._asking.items()):
+            self._asked[node] += 1
+            if self._asked[node] > MOST_ATTEMPTS:
+                self._done_asking(node)
+            elif listing.service_is_ready() and getting.service_is_ready():
+                listing.call_async(ListParameters.Request()).add_done_callback(
+                    lambda future, node=node: self._take_names(node, future)
+                )
+
+    def _take_names(self, node, future):
+        if node not in self._asking or future.result() is None:
+            return
+        names = sorted(future.result().result.names)
+        self._asking[node][1].call_async(GetParameters.Request(names=names)).add_done_callback(
+            lambda answer: self._take_parameters(node, names, answer)
+        )
+
+    def _take_parameters(self, node, names, future):
+        if node not in self._asking or future.result() is None:
+            return
+        found = map(parameter_value_to_python, future.result().values)
+        values = {name: _plain(value) for name, value in zip(names, found, strict=True)}
+        # Its clients go with the next look: this is called by one of them.
+        self._asked[node] = MOST_ATTEMPTS
+        self._to_say[f'parameters {node}'] = _yaml(values)
+
+    def _note_changes(self, event):
+        if not (event.changed_parameters and self._is_ours(event.node)):
+            return
+        time = event.stamp.sec + round(1e-9 * event.stamp.nanosec, 3)
+        changes = self._changes.setdefault(event.node, [])
+        for parameter in event.changed_parameters:
+            value = _plain(parameter_value_to_python(parameter.value))
+            changes.append({'time': time, parameter.name: value})
+        del changes[:-MOST_CHANGES]
+        self._to_say[f'changed {event.node}'] = _yaml(changes)
+
+    def _say(self):
+        """Write what is new about the bag; seldom, as all of it is repeated."""
+        if self._to_say:
+            self._writer.say(self._to_say)
+            self._to_say = {}
+
+    def _is_ours(self, node):
+        return node.startswith(self.get_namespace().rstrip('/') + '/')
+
+    def _done_asking(self, node):
+        for client in self._asking.pop(node):
+            self.destroy_client(client)
+
     def _flush(self):
         if self._writer is None:
             return
@@ -144,6 +245,15 @@ class BagRecorderNode(TractionNode):
                 messages=sum(counts.values()),
                 **counts,
             )
+
+
+def _plain(value):
+    """Value of a parameter as YAML knows it."""
+    return value if value is None or isinstance(value, bool | int | float | str) else list(value)
+
+
+def _yaml(content):
+    return yaml.safe_dump(content, allow_unicode=True, default_flow_style=None, sort_keys=False)
 
 
 def _table_name(name):

@@ -83,6 +83,8 @@ def repair_bag(
                 writer.add_topic(topic, *records.declared(topic))
             writer.write(topic, message.log_time, message.data)
             start, end = min(start, message.log_time), max(end, message.log_time)
+        # With what was said after the first message.
+        writer.say(records.custom_data)
     return Repaired(target, dict(writer.counts), start, end, records.reason)
 
 

@@ -7,6 +7,7 @@ import can
 from geometry_msgs.msg import TwistWithCovarianceStamped
 from sensor_msgs.msg import JointState
 
+from traction_interfaces.msg import CanFrame, CanFrames
 from traction_node.diagnostic import ERROR, OK, WARN
 from traction_node.joints import JointError, JointOrder
 from traction_node.node import TractionLifecycleNode
@@ -27,7 +28,16 @@ LISTEN_PERIOD = 0.1
 """Longest wait for a frame before looking whether to end, s."""
 
 RETRY_PERIOD = 0.5
-"""Wait after the bus has failed, s."""
+"""Wait after the bus has failed twice in a row, s."""
+
+FRAMES_PERIOD = 0.02
+"""Time between two messages of raw frames, s."""
+
+MOST_RAW_FRAMES = 100
+"""Raw frames in one message: 5000 a second, more than a bus of 500 kbit/s can carry."""
+
+MOST_FRAMES = 100
+"""Frames taken in within a period of the limit: more is a flood, and waits for the next one."""
 
 # Manufacturer code for those without one of their own, and the function of a NAME.
 _MANUFACTURER, _FUNCTION = 2046, 130
@@ -129,14 +139,23 @@ class CanBridgeNode(TractionLifecycleNode):
         self._radar.twist.covariance[0] = self.p.radar_variance
         self._wheels_publisher = self.publisher('wheel_states')
         self._radar_publisher = self.publisher('radar')
+        self._frames_publisher = self.publisher('can_frames')
         self.subscription('wheel_torque', self._command)
 
     def activate(self):
         """Open the bus, listen, claim an address, and limit the engine from then on."""
         self._counts = dict.fromkeys(
-            ('frames', 'error_frames', 'bad_frames', 'bad_torques', 'failures'), 0
-        )
+            (
+                'frames', 'error_frames', 'bad_frames', 'floods', 'bad_torques', 'failures',
+                'log_failures',
+            ), 0,
+        )  # fmt: skip
         self._failure = ''
+        # Frames that are still to be told, with their times, and how many were too many.
+        self._raw = []
+        self._missed = 0
+        # Until when a flood was last met, s.
+        self._flooded = 0.0
         self._told = None
         self._told_at = 0.0
         self._can = open_bus(self.p.interface, self.p.channel, self.p.port)
@@ -150,6 +169,7 @@ class CanBridgeNode(TractionLifecycleNode):
         self._thread = threading.Thread(target=self._listen, name='can', daemon=True)
         self._thread.start()
         self.steady_timer(PERIOD, self._work)
+        self.steady_timer(FRAMES_PERIOD, self._tell_frames)
 
     def deactivate(self):
         """Give the engine back to its driver, and let go of the bus."""
@@ -165,24 +185,39 @@ class CanBridgeNode(TractionLifecycleNode):
     # The bus, in a thread of its own
 
     def _listen(self):
+        taken, until = 0, 0.0
+        failing = False
         while not self._ended.is_set():
             try:
                 message = self._can.recv(LISTEN_PERIOD)
             except (can.CanError, OSError) as error:
                 with self._lock:
                     self._failed(error)
-                self._ended.wait(RETRY_PERIOD)
+                if failing:
+                    self._ended.wait(RETRY_PERIOD)
+                failing = True
                 continue
-            if message is not None:
+            failing = False
+            if message is None:
+                continue
+            now = time.monotonic()
+            if now >= until:
+                taken, until = 0, now + PERIOD
+            elif taken >= MOST_FRAMES:
+                # Leaves the processor to the limit; the driver's own queue drops what is too much.
                 with self._lock:
-                    self._take(message)
+                    self._counts['floods'] += 1
+                    self._flooded = now + TELL_PERIOD
+                self._ended.wait(until - now)
+            taken += 1
+            with self._lock:
+                self._take(message)
 
     def _take(self, message):
         now = time.monotonic()
         self._counts['frames'] += 1
         self._failure = ''
-        if self._log is not None:
-            self._log.on_message_received(message)
+        self._keep(message)
         if message.is_error_frame:
             self._counts['error_frames'] += 1
             return
@@ -247,9 +282,29 @@ class CanBridgeNode(TractionLifecycleNode):
             except (can.CanError, OSError) as error:
                 self._failed(error)
                 return
-            if self._log is not None:
-                message.timestamp = time.time()
+            message.timestamp = time.time()
+            self._keep(message)
+
+    def _keep(self, message):
+        """Note a frame in the log, and for those who record."""
+        if self._log is not None:
+            try:
                 self._log.on_message_received(message)
+            except (OSError, ValueError):
+                # A full disk must not stop the limit.
+                self._counts['log_failures'] += 1
+        if len(self._raw) < MOST_RAW_FRAMES:
+            self._raw.append((self.get_clock().now(), message))
+        else:
+            self._missed += 1
+
+    def _tell_frames(self):
+        with self._lock:
+            raw, self._raw = self._raw, []
+            missed, self._missed = self._missed, 0
+        if (raw or missed) and self._frames_publisher.get_subscription_count():
+            frames = [_raw_frame(time, message) for time, message in raw]
+            self._frames_publisher.publish(CanFrames(frames=frames, missed=missed))
 
     def _failed(self, error):
         self._counts['failures'] += 1
@@ -261,6 +316,8 @@ class CanBridgeNode(TractionLifecycleNode):
         level, text = OK, f'limits the engine from address {bus.claim.address}'
         if self._failure:
             level, text = ERROR, f'the bus fails: {self._failure}'
+        elif now < self._flooded:
+            level, text = WARN, f'flooded: over {MOST_FRAMES / PERIOD:.0f} frames/s'
         elif silent:
             level = ERROR if 'HRW' in silent else WARN
             text = f'silent: {", ".join(silent)}'
@@ -276,6 +333,18 @@ class CanBridgeNode(TractionLifecycleNode):
                 level, text, limit=round(bus.limit(now), 3), **status, **self._counts,
                 **{f'refused_{name}': count for name, count in bus.watch.refused.items()},
             )  # fmt: skip
+
+
+def _raw_frame(time, message):
+    data = bytes(message.data)[:8]
+    raw = CanFrame(
+        id=message.arbitration_id, is_rtr=message.is_remote_frame,
+        is_extended=message.is_extended_id, is_error=message.is_error_frame,
+        dlc=len(data) if not message.is_remote_frame else min(message.dlc, 8),
+    )  # fmt: skip
+    raw.header.stamp = time.to_msg()
+    raw.data[: len(data)] = list(data)
+    return raw
 
 
 def make_drivetrain(p):

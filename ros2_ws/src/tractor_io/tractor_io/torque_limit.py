@@ -25,7 +25,10 @@ _ANY_SPEED = 0xFAFF * 0.125 * 2.0 * math.pi / 60.0
 _STANDARD_RATE = 7
 # A temporary intervention of the power train (P32).
 _PURPOSE = 31
-_TORQUE = 'EngineRequestedTorque'
+_TORQUE, _FRACTION = 'EngineRequestedTorque', 'EngineRequestedTorqueFraction'
+
+STEPS = 800
+"""Smallest steps of torque on the bus in the reference torque: eighths of a percent."""
 
 
 def checksum(identifier: int, data: bytes, counter: int) -> int:
@@ -47,6 +50,27 @@ def checksum(identifier: int, data: bytes, counter: int) -> int:
     """
     total = sum(data[:7]) + (counter & 0x0F) + sum(identifier.to_bytes(4, 'little'))
     return ((total >> 6 & 0x03) + (total >> 3) + total) & 0x07
+
+
+def with_fraction(torque: float, fraction: float | Unknown) -> float:
+    """Add to a torque in whole percents what its message says beyond them.
+
+    Parameters
+    ----------
+    torque : float
+        As a share of the engine's reference torque, dimensionless.
+    fraction : float or Unknown
+        As a share likewise, dimensionless, 0 to below 0.01; anything else does not count, as
+        senders of whole percents leave it out.
+
+    Returns
+    -------
+    float
+        Torque as a share of the engine's reference torque, dimensionless.
+    """
+    if isinstance(fraction, Unknown) or not 0.0 <= fraction < 0.00999:
+        return torque
+    return torque + fraction
 
 
 class TorqueLimit:
@@ -77,7 +101,7 @@ class TorqueLimit:
             Address of the sender, 0 to 253.
         share : float
             Most torque of the engine, as a share of its reference torque, -1.25 to 1.25; rounded
-            down to whole percents.
+            down to eighths of a percent, or by an engine that knows no fractions to whole ones.
 
         Returns
         -------
@@ -96,12 +120,14 @@ class TorqueLimit:
                 f'TSC1 {_TORQUE} must be {-HIGHEST:g} to {HIGHEST:g} of reference, got {share}'
             )
         # Rounded down, but not for what binary fractions are off.
+        percents, eighths = divmod(math.floor(STEPS * share + 1e-9), 8)
         return self._frame(
             source,
             {
                 'EngineOverrideControlMode': _LIMIT,
                 'EngineRequestedSpeed': _ANY_SPEED,
-                _TORQUE: math.floor(100.0 * share + 1e-9) / 100.0,
+                _TORQUE: percents / 100.0,
+                _FRACTION: eighths / STEPS,
             },
         )
 
@@ -177,4 +203,4 @@ class LimitReader:
         torque = values[_TORQUE]
         if isinstance(torque, Unknown):
             raise FrameError(f'TSC1 {_TORQUE} is {torque.value}')
-        return torque
+        return with_fraction(torque, values[_FRACTION])

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from tractor_io.drivetrain import Drivetrain
 from tractor_io.pace import Pace
 from tractor_io.parameter_group import ParameterGroups
-from tractor_io.torque_limit import HIGHEST, LimitReader
+from tractor_io.torque_limit import HIGHEST, STEPS, LimitReader
 from tractor_io.vehicle_bus import WHEEL_FIELDS, Frame
 
 ENGINE, TRACTOR = 0, 240
@@ -176,11 +176,13 @@ class TractorEcu:
         self._last = t
         along = 1.0 if self._direction == _FORWARD else -1.0
         actual = along * float(np.sum(torque)) / self._drivetrain.full_torque
+        percents, eighths = divmod(round(STEPS * min(max(actual, -HIGHEST), HIGHEST)), 8)
         found: list[Frame] = []
         self._add(
             found, t, 'EEC1', ENGINE,
             {
-                'ActualEnginePercentTorque': float(np.clip(actual, -HIGHEST, HIGHEST)),
+                'ActualEnginePercentTorque': percents / 100.0,
+                'ActualEnginePercentTorqueFraction': eighths / STEPS,
                 'DriversDemandEnginePercentTorque': abs(self._demand),
             },
         )  # fmt: skip

@@ -19,7 +19,7 @@ from tractor_io.drivetrain import Drivetrain
 from tractor_io.j1939 import Identifier, Unknown
 from tractor_io.pace import Pace
 from tractor_io.parameter_group import Group, ParameterGroups
-from tractor_io.torque_limit import HIGHEST, PERIOD, TorqueLimit
+from tractor_io.torque_limit import HIGHEST, PERIOD, TorqueLimit, with_fraction
 
 WHEEL_FIELDS = (
     'FrontAxleLeftWheelSpeed',
@@ -198,7 +198,10 @@ class VehicleBus:
         engine = self.watch.value(t, 'EEC1', 'ActualEnginePercentTorque')
         if isinstance(engine, Unknown):
             return None
-        return self.heading(t) * self._drivetrain.wheel_torques(engine, self.front_engaged)
+        fraction = self.watch.value(t, 'EEC1', 'ActualEnginePercentTorqueFraction')
+        return self.heading(t) * self._drivetrain.wheel_torques(
+            with_fraction(engine, fraction), self.front_engaged
+        )
 
     def ground_speed(self, t: float) -> float | Unknown:
         """Speed over ground.
@@ -313,4 +316,8 @@ class VehicleBus:
         return 0.0 if silent else self._share
 
     def _send(self, frames: Sequence[tuple[Identifier, bytes]]) -> None:
-        self._outbox += [(identifier.bits, data) for identifier, data in frames]
+        for identifier, data in frames:
+            frame = identifier.bits, data
+            # A flood of requests for the address is answered once a period.
+            if frame not in self._outbox:
+                self._outbox.append(frame)
