@@ -4,13 +4,14 @@ import time
 
 from builtin_interfaces.msg import Time
 from sensor_msgs.msg import JointState
+from std_srvs.srv import SetBool
 
 from traction_node.diagnostic import ERROR, OK, WARN
 from traction_node.node import TractionLifecycleNode
 from traction_node.parameter import Parameter
 from traction_node.run import run
 from traction_node.stamp import seconds
-from tractor_io.gate import WATCHDOG_PERIOD, State, TorqueGate
+from tractor_io.gate import WATCHDOG_PERIOD, State, StopSource, TorqueGate
 
 TELL_PERIOD = 1.0
 """Time between two regular reports on what is limited, s."""
@@ -21,6 +22,7 @@ LEVELS = {
     State.HOLDING: WARN,
     State.RELEASING: ERROR,
     State.SAFE: ERROR,
+    State.STOPPED: ERROR,
 }
 
 
@@ -89,6 +91,9 @@ class TorqueGateNode(TractionLifecycleNode):
         ),
     )
 
+    # Who holds an emergency stop outlives the gate that is built anew.
+    _stopped_by = frozenset()
+
     def check_parameters(self, p):
         """Refuse limits that do not fit the wheels or each other."""
         _make_gate(p)
@@ -96,6 +101,8 @@ class TorqueGateNode(TractionLifecycleNode):
     def configure(self):
         """Build the gate; measured torques are followed from here on."""
         self._gate = _make_gate(self.p)
+        for source in self._stopped_by:
+            self._gate.emergency_stop(source, True)
         self._output = JointState(name=list(self.p.wheel_names))
         self._output.header.frame_id = 'base_link'
         self._output.effort = self._gate.output
@@ -104,12 +111,16 @@ class TorqueGateNode(TractionLifecycleNode):
         self._publisher = self.publisher('wheel_torque')
         self.subscription('wheel_states', self._measured)
         self.subscription('wheel_torque_command', self._command)
+        self.subscription('emergency_stop', self._stop_by_topic)
+        stop = self.create_service(SetBool, '~/emergency_stop', self._stop_by_service)
+        self._entities.append((self.destroy_service, stop))
+        self._told_state = None
+        self._told_level = OK
+        self._told_at = 0.0
 
     def activate(self):
         """Begin to pass commands, and to put out the safe torque without them."""
         self._told_state = None
-        self._told_level = OK
-        self._told_at = 0.0
         self.steady_timer(WATCHDOG_PERIOD, self._watch)
 
     def deactivate(self):
@@ -132,6 +143,21 @@ class TorqueGateNode(TractionLifecycleNode):
             self._newest_stamp = stamp
             self._publish(stamp)
         self._tell(now)
+
+    def _stop_by_topic(self, message):
+        self._stop(StopSource.TOPIC, message.data)
+
+    def _stop_by_service(self, request, response):
+        self._stop(StopSource.SERVICE, request.data)
+        response.success = True
+        response.message = self._gate.reason
+        return response
+
+    def _stop(self, source, stop):
+        self._gate.emergency_stop(source, stop)
+        self._stopped_by = frozenset(self._gate.stopped_by)
+        if self.active:
+            self._watch()
 
     def _watch(self):
         now = time.monotonic()
