@@ -208,6 +208,9 @@ class _Host:
     def subscription(self, name: str, callback: Callable[[Any], None]) -> None:
         self._lockstep.subscribe(name, callback)
 
+    def service(self, name: str, type_name: str, callback: Callable[[Any, Any], Any]) -> None:
+        """Nobody calls in lock step."""
+
     def steady_timer(self, period: float, callback: Callable[[], None]) -> None:
         self._lockstep.timer(period, callback)
 

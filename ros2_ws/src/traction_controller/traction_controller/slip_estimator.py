@@ -12,6 +12,7 @@ from traction_controller.gnss import GnssTrack
 from traction_controller.immobilisation import Immobilisation, Level, WarningLimits
 from traction_controller.kalman import method_named
 from traction_controller.odometry import UNOBSERVED, PathOdometry, axle_yaw_rate
+from traction_controller.plausibility import Plausibility
 from traction_controller.radius_calibration import GroundSource, RadiusCalibration
 from traction_controller.rolling_radius import FirmGround
 from traction_controller.slip_estimation import EstimatorNoise, SlipEstimation, Source
@@ -54,6 +55,10 @@ class SlipEstimatorBehaviour:
         Parameter(
             'radar_variance', 0.0025, 'variance of a radar reading that does not state one',
             'm²/s²', 1e-6, 10.0, read_only=True,
+        ),
+        Parameter(
+            'stuck_time', 0.15, 'time for which a tachometer or a radar may tell the same to the '
+            'last bit while others change; 0: for ever', 's', 0.0, 10.0, read_only=True,
         ),
         Parameter(
             'terrain_rate', 10.0, 'rate of terrain_estimate', 'Hz', 1.0, 100.0, read_only=True
@@ -177,6 +182,9 @@ class SlipEstimatorBehaviour:
         self._calibration = RadiusCalibration(
             vehicle, FirmGround(largest_effort=p.calibration_effort)
         )
+        self._plausibility = Plausibility(
+            vehicle, p.least_speed, p.tachometer_pulses, p.stuck_time
+        )
         self._nominal_radius = self._estimation.rolling_radius
         self._track = GnssTrack(latency=p.gnss_latency, least_speed=p.least_speed)
         self._immobilisation = Immobilisation(
@@ -214,6 +222,7 @@ class SlipEstimatorBehaviour:
     def _start_over(self):
         """Estimate anew; the distance travelled so far and calibrated radii stay."""
         self._estimation.reset()
+        self._plausibility.reset()
         self._calibration.restart()
         self._track.reset()
         self._immobilisation.reset()
@@ -253,6 +262,8 @@ class SlipEstimatorBehaviour:
             omega = self._speeds.values(message.name, message.velocity)
             torque = self._torques.values(message.name, message.effort)
             t = self._time(message.header.stamp)
+            v = estimation.v if estimation.v_valid else math.nan
+            self._plausibility.wheels(t, omega, torque, v)
             estimation.wheel_states(t, omega, torque)
         except ValueError as error:
             self._refuse('wheel_states', error)
@@ -383,8 +394,9 @@ class SlipEstimatorBehaviour:
             return
         twist = message.twist
         t = between(self._epoch, message.header.stamp)
+        plausible = self._plausibility.speed(topic, t, twist.twist.linear.x)
         try:
-            believed = take_in(t, twist.twist.linear.x, twist.covariance[0])
+            believed = plausible and take_in(t, twist.twist.linear.x, twist.covariance[0])
         except ValueError as error:
             self._refuse(topic, error)
             return

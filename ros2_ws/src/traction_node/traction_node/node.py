@@ -224,6 +224,22 @@ class _Suite:
         self._entities.append((self.destroy_subscription, subscription))
         return subscription
 
+    def service(self, name, type_name, callback):
+        """Service of the node, in its own namespace: `name` of `torque_gate` is `torque_gate/name`.
+
+        Parameters
+        ----------
+        name : str
+            Name below that of the node.
+        type_name : str
+            Such as 'std_srvs/srv/SetBool'.
+        callback : callable
+            Called with request and response, gives the response.
+        """
+        service = self.create_service(message_class(type_name), f'~/{name}', callback)
+        self._entities.append((self.destroy_service, service))
+        return service
+
     def steady_timer(self, period, callback):
         """Timer that no simulated or stepped clock disturbs: for watchdogs.
 

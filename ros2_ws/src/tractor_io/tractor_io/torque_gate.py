@@ -6,7 +6,7 @@ A behaviour runs in a ROS 2 process or in lock step, see `traction_bringup.locks
 from traction_node.diagnostic import ERROR, OK, WARN
 from traction_node.parameter import Parameter
 from traction_node.stamp import seconds
-from tractor_io.gate import WATCHDOG_PERIOD, State, TorqueGate
+from tractor_io.gate import WATCHDOG_PERIOD, State, StopSource, TorqueGate
 
 TELL_PERIOD = 1.0
 """Time between two regular reports on what is limited, s."""
@@ -17,6 +17,7 @@ LEVELS = {
     State.HOLDING: WARN,
     State.RELEASING: ERROR,
     State.SAFE: ERROR,
+    State.STOPPED: ERROR,
 }
 
 
@@ -85,6 +86,9 @@ class TorqueGateBehaviour:
         ),
     )
 
+    # Who holds an emergency stop outlives the gate that is built anew.
+    _stopped_by = frozenset()
+
     def check_parameters(self, p):
         """Refuse limits that do not fit the wheels or each other."""
         _make_gate(p)
@@ -102,12 +106,15 @@ class TorqueGateBehaviour:
         self._publisher = self.publisher('wheel_torque')
         self.subscription('wheel_states', self._measured)
         self.subscription('wheel_torque_command', self._command)
+        self.subscription('emergency_stop', self._stop_by_topic)
+        self.service('emergency_stop', 'std_srvs/srv/SetBool', self._stop_by_service)
+        self._told_state = None
+        self._told_level = OK
+        self._told_at = 0.0
 
     def activate(self):
         """Begin to pass commands, and to put out the safe torque without them."""
         self._told_state = None
-        self._told_level = OK
-        self._told_at = 0.0
         self.steady_timer(WATCHDOG_PERIOD, self._watch)
 
     def deactivate(self):
@@ -130,6 +137,21 @@ class TorqueGateBehaviour:
             self._newest_stamp = stamp
             self._publish(stamp)
         self._tell(now)
+
+    def _stop_by_topic(self, message):
+        self._stop(StopSource.TOPIC, message.data)
+
+    def _stop_by_service(self, request, response):
+        self._stop(StopSource.SERVICE, request.data)
+        response.success = True
+        response.message = self._gate.reason
+        return response
+
+    def _stop(self, source, stop):
+        self._gate.emergency_stop(source, stop)
+        self._stopped_by = frozenset(self._gate.stopped_by)
+        if self.active:
+            self._watch()
 
     def _watch(self):
         now = self.steady_time()
