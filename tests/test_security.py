@@ -9,6 +9,7 @@ from traction_bringup.system import config, system
 from traction_node.graph import NodeProcess, Probe, executable
 from traction_node.topics import topics
 from tractor_io.bag import BagWriter
+from tractor_io.bag_player_node import COMMANDS
 from tractor_io.can_interface import free_port
 
 PARAMETER_SERVICES = ('get_parameters', 'list_parameters')
@@ -98,7 +99,7 @@ def test_the_recorder_alone_asks_and_for_parameters_alone(graph):
 
 def test_policy_of_the_player_is_all_but_torques(tmp_path):
     path = tmp_path / 'bag'
-    suite = {name: row for name, row in topics().items() if row.qos != 'command'}
+    suite = {name: row for name, row in topics().items() if f'/{name}' not in COMMANDS}
     with BagWriter(path) as bag:
         for name, row in suite.items():
             bag.add_topic(f'/{name.lstrip("/")}', row.type)
