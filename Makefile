@@ -4,7 +4,7 @@ PYTHON ?=
 STEPS := benchmarks/controller_step.py benchmarks/estimator_step.py
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test verify evaluate bench nightly lint bags clean
+.PHONY: help setup demo test verify evaluate bench nightly lint golden bags clean
 
 help:  ## Show this list
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' Makefile | expand -t 16
@@ -15,8 +15,9 @@ setup:  ## Make .venv and build the workspace (the others do this by themselves)
 demo: setup  ## Drive onto a soft patch without and with control; table, picture, bags
 	@.venv/bin/traction demo
 
-test: setup  ## Run every test
-	@.venv/bin/python -m pytest
+test: setup  ## Run every test; those with real processes after the others, which take all cores
+	@.venv/bin/python -m pytest -n 2 -m 'not process'; cores=$$?; \
+	.venv/bin/python -m pytest -m process && exit $$cores
 
 verify: setup  ## Compare the model with Chrono, the paper and wheel tests: docs/verification.md
 	@.venv/bin/python tools/verify.py
@@ -36,6 +37,11 @@ lint: setup  ## Check style, types of the cores, and package.xml files
 	@.venv/bin/ruff format --check
 	@.venv/bin/mypy
 	@.venv/bin/python tools/check_packages.py
+
+golden: setup  ## Replay all bags and keep what comes out in tests/golden
+	@for bag in bags/*/; do \
+	  .venv/bin/traction replay $$bag --golden tests/golden/$$(basename $$bag).golden || exit 1; \
+	done; git --no-pager diff --stat tests/golden
 
 bags: setup  ## Make the bags in bags/ again from their CSV files
 	@.venv/bin/python tools/make_bags.py

@@ -2,8 +2,19 @@
 
 import os
 
+import pytest
+
 # Kept if set. Domains 1..101 are those whose ports no other programme is given by Linux.
 os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % 101))
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 # Shared memory would leave files behind whenever a test kills a node.
 os.environ['FASTDDS_BUILTIN_TRANSPORTS'] = 'UDPv4'
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Mark the tests with real processes: they keep times and want the machine to themselves."""
+    for item in items:
+        names = vars(item.module)
+        if 'NodeProcess' in names or 'executable' in names or 'subprocess' in names:
+            item.add_marker('process')

@@ -8,7 +8,7 @@ import field_data
 import numpy as np
 from make_bags import RADAR_SIGMA, SEEDS
 
-from traction_bringup.replay import replay
+from traction_bringup.estimate_errors import estimate_errors
 from traction_controller.slip_estimation import SlipEstimation
 from traction_model.chrono import CHRONO_RUNS, SAMPLE_TIME, read_chrono
 from traction_model.soil import load_soil
@@ -69,16 +69,16 @@ class BagErrors(NamedTuple):
 def bag_errors(name, method):
     """Errors of a method on a bag; see `BagErrors`."""
     path = BAGS / name
-    runs = [replay(path, method=method)]
-    runs += [replay(path, method=method, radar_seed=seed) for seed in RENOISED]
+    runs = [estimate_errors(path, method=method)]
+    runs += [estimate_errors(path, method=method, radar_seed=seed) for seed in RENOISED]
     rmse = [run.total_slip_rmse for run in runs]
     within = np.array([run.within_two_sigma for run in runs])
     end = float(read_chrono(path / f'{name}.csv.xz', CHRONO_RUNS[name]).t[-1])
     # In the middle: what came before is known, and there is time for it to come back.
     begin = (end - GAP) / 2
     window = {'settle': begin, 'until': begin + GAP + 2.0, 'method': method}
-    silent = replay(path, radar_gap=(begin, begin + GAP), **window)
-    heard = replay(path, **window)
+    silent = estimate_errors(path, radar_gap=(begin, begin + GAP), **window)
+    heard = estimate_errors(path, **window)
     return BagErrors(
         rmse[0],
         max(rmse),

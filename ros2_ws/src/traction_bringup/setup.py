@@ -39,6 +39,7 @@ setup(
         'console_scripts': [
             'drive_cycle = traction_bringup.drive_cycle_node:main',
             'traction = traction_bringup.command:main',
-        ]
+        ],
+        'pytest11': ['traction_replay = traction_bringup.pytest_plugin'],
     },
 )

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from traction_bringup.estimate_errors import estimate_errors
 from traction_bringup.picture import draw
 from traction_bringup.recording import read_recording
-from traction_bringup.replay import replay
 from traction_node.graph import executable
 from tractor_io.bag import BagError, BagReader, BagWriter
 
@@ -38,17 +38,17 @@ def test_a_bag_of_a_namespace_is_the_same_drive(tmp_path):
     for name, series in expected.series.items():
         assert np.array_equal(found[name].values, series.values), name
         assert np.array_equal(found[name].t, series.t), name
-    assert replay(named).slip_rmse.tobytes() == replay(plain).slip_rmse.tobytes()
+    assert estimate_errors(named).slip_rmse.tobytes() == estimate_errors(plain).slip_rmse.tobytes()
 
 
-@pytest.mark.parametrize('use', [read_recording, replay])
+@pytest.mark.parametrize('use', [read_recording, estimate_errors])
 def test_which_of_several_vehicles_is_not_guessed(tmp_path, use):
     bag = copy(tmp_path / 'bag', ['/a', '/b'])
     with pytest.raises(BagError, match='several vehicles: /a/wheel_states, /b/wheel_states'):
         use(bag)
 
 
-@pytest.mark.parametrize('use', [read_recording, replay])
+@pytest.mark.parametrize('use', [read_recording, estimate_errors])
 def test_a_bag_without_wheels_names_what_is_missing(tmp_path, use):
     bag = copy(tmp_path / 'bag', topics=['/radar'])
     with pytest.raises(BagError, match='no topic /wheel_states; it holds: /radar'):

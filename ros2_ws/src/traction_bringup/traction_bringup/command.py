@@ -67,47 +67,95 @@ def ecu(
 @app.command()
 def replay(
     bag: Bag,
+    output: Annotated[
+        Path | None, typer.Option('--output', '-o', help='Bag of the outputs to write.')
+    ] = None,
+    against: Annotated[
+        Path | None,
+        typer.Option(help='Golden file, or bag of an earlier replay, to compare with.'),
+    ] = None,
+    tolerance: Annotated[
+        float | None, typer.Option(help='Of --against: relative; 0 for equal numbers.', min=0.0)
+    ] = None,
+    golden: Annotated[
+        Path | None, typer.Option(help='Golden file to write, or to replace.')
+    ] = None,
     vehicle: Annotated[str, typer.Option(help='Vehicle; default: the one the bag names.')] = '',
     soil: Annotated[str, typer.Option(help='Nominal soil; default: as the bag says.')] = '',
+    params_file: Annotated[
+        Path | None,
+        typer.Option(help='YAML file with parameters of the nodes.'),
+    ] = None,
+    param: Annotated[
+        list[str] | None,
+        typer.Option('--param', '-p', help='NODE.NAME=VALUE, may be repeated.'),
+    ] = None,
     settle: Annotated[
         float, typer.Option(help='Do not judge before this time, s.', min=0.0)
     ] = 2.0,
     least_speed: Annotated[
         float, typer.Option(help='Do not judge below this rim speed, m/s.', min=0.05)
     ] = 0.3,
-    method: Annotated[str, typer.Option(help='Kalman filter: ukf, ekf or lpv.')] = 'ukf',
 ) -> None:
-    """Send a bag through the slip estimator and compare with its ground truth."""
+    """Send a bag through estimator, controller and gate: the same outputs every time.
+
+    Where the bag holds ground truth, the estimates are compared with it. With --against the exit
+    status is 1 where the outputs differ.
+    """
+    from traction_bringup.estimate_errors import Judge
+    from traction_bringup.golden import TOLERANCE, compare, write_golden
+    from traction_bringup.replay import chosen_parameters
     from traction_bringup.replay import replay as run_replay
 
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task(f'replaying {bag.name}', total=1.0)
-        errors = run_replay(
+        result = run_replay(
             bag,
-            vehicle,
-            soil,
-            settle=settle,
-            least_speed=least_speed,
-            method=method,
+            vehicle=vehicle,
+            soil=soil,
+            parameters=chosen_parameters(params_file, param or ()),
+            judge=Judge(settle, least_speed=least_speed),
             progress=lambda share: progress.update(task, completed=share),
         )
-    table = Table(title=f'{bag}: slip estimate against ground truth', title_style='bold')
-    for heading in ('wheel', 'RMSE', '95th percentile', 'within 2 sigma'):
-        table.add_column(heading, justify='left' if heading == 'wheel' else 'right')
-    for j, name in enumerate(errors.wheel_names):
-        table.add_row(
-            name,
-            f'{errors.slip_rmse[j]:.4f}',
-            f'{errors.slip_p95[j]:.4f}',
-            f'{100 * errors.within_two_sigma[j]:.1f} %',
+
+    def say(text: str, style: str = '') -> None:
+        console.print(text, soft_wrap=True, highlight=False, markup=False, style=style)
+
+    errors = result.errors
+    if errors is not None:
+        table = Table(title=f'{bag}: slip estimate against ground truth', title_style='bold')
+        for heading in ('wheel', 'RMSE', '95th percentile', 'within 2 sigma'):
+            table.add_column(heading, justify='left' if heading == 'wheel' else 'right')
+        for j, name in enumerate(errors.wheel_names):
+            table.add_row(
+                name,
+                f'{errors.slip_rmse[j]:.4f}',
+                f'{errors.slip_p95[j]:.4f}',
+                f'{100 * errors.within_two_sigma[j]:.1f} %',
+            )
+        console.print(table)
+        say(
+            f'slip RMSE {errors.total_slip_rmse:.4f}, ground speed RMSE {errors.speed_rmse:.3f} '
+            f'm/s, {errors.samples} samples after {settle:g} s above {least_speed:g} m/s'
         )
-    console.print(table)
-    console.print(
-        f'slip RMSE {errors.total_slip_rmse:.4f}, ground speed RMSE {errors.speed_rmse:.3f} m/s, '
-        f'{errors.samples} samples after {settle:g} s above {least_speed:g} m/s',
-        soft_wrap=True,
-        highlight=False,
+    say(
+        f'{len(result.messages)} messages of {result.duration:.3f} s in {result.wall:.3f} s: '
+        f'{result.duration / result.wall:.0f} times real time'
     )
+    say(f'SHA-256  {result.sha256}')
+    if output is not None:
+        result.write(output)
+        say(f'bag      {output}')
+    if golden is not None:
+        write_golden(result, golden)
+        say(f'golden   {golden}')
+    if against is not None:
+        found = compare(result, against, TOLERANCE if tolerance is None else tolerance)
+        if found:
+            for divergence in found:
+                say(f'differs from {against}: {divergence}', style='red')
+            raise typer.Exit(1)
+        say(f'as {against}')
 
 
 @app.command()

@@ -1,171 +1,339 @@
-"""Replay of a bag through the estimator, compared with the bag's ground truth."""
+"""Replay of a bag through estimator, controller and gate in lock step, the same every time.
 
-import math
-from collections.abc import Callable
-from dataclasses import dataclass
+Total order (time in the bag, then order of its file), no clock, no middleware: what comes out
+depends on the bag, the parameters and the code alone.
+"""
+
+import gc
+import hashlib
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
-import numpy as np
+import yaml
 
-from traction_bringup.recording import Array, vehicle_prefix
-from traction_controller.slip_estimation import SlipEstimation
-from traction_model.soil import load_soil
+from traction_bringup.estimate_errors import EstimateErrors, Judge
+from traction_bringup.lockstep import LockStep
+from traction_bringup.recording import vehicle_prefix
+from traction_bringup.system import config
+from traction_controller.slip_controller import SlipControllerBehaviour
+from traction_controller.slip_estimator import SlipEstimatorBehaviour
+from traction_model.definition import closest
 from traction_model.vehicle import load_vehicle
-from traction_node.joints import JointOrder
 from traction_node.stamp import nanoseconds
-from tractor_io.bag import BagError, BagReader
+from traction_node.topics import topic
+from tractor_io.bag import QOS, BagError, BagReader, BagWriter, typestore
+from tractor_io.torque_gate import TorqueGateBehaviour
+
+BEHAVIOURS = {
+    'slip_estimator': ('traction_controller', SlipEstimatorBehaviour),
+    'slip_controller': ('traction_controller', SlipControllerBehaviour),
+    'torque_gate': ('tractor_io', TorqueGateBehaviour),
+}
+"""What a bag is sent through: package and behaviour by the name of the node."""
+
+REQUESTS = ('torque_request', 'wheel_torque_command', 'wheel_torque')
+"""Topics of a bag that may be the request to the controller, the first that it holds."""
+
+_TRUTH = 'ground_truth/slip_estimate'
+
+Parameters = Mapping[str, Mapping[str, Any]]
 
 
-@dataclass(frozen=True)
-class ReplayErrors:
-    """How far the estimates of a replay lie from ground truth, over judged samples only.
+@dataclass
+class Replay:
+    """What came of a replay.
 
     Attributes
     ----------
-    wheel_names : tuple of str
-        The wheels.
-    slip_rmse : ndarray, shape (n,)
-        Root mean square of the slip error of each wheel, dimensionless.
-    slip_p95 : ndarray, shape (n,)
-        95th percentile of its magnitude, dimensionless.
-    within_two_sigma : ndarray, shape (n,)
-        Share of errors within two reported standard deviations, dimensionless.
-    speed_rmse : float
-        Root mean square of the ground speed error, m/s.
-    samples : int
-        Judged samples of every wheel.
+    messages : list of tuple
+        All that was published, in order: topic, type, time in the bag (ns), CDR bytes.
+    start : int
+        Time in the bag of its first message, ns.
+    duration : float
+        Length of the bag, s.
+    wall : float
+        Time it took to compute, s.
+    errors : EstimateErrors or None
+        Estimates against ground truth, where the bag holds it.
+    custom_data : dict of str to str
+        Vehicle, soil, source and parameters, as a bag of the outputs says them.
     """
 
-    wheel_names: tuple[str, ...]
-    slip_rmse: Array
-    slip_p95: Array
-    within_two_sigma: Array
-    speed_rmse: float
-    samples: int
+    messages: list[tuple[str, str, int, bytes]] = field(default_factory=list)
+    start: int = 0
+    duration: float = 0.0
+    wall: float = 0.0
+    errors: EstimateErrors | None = None
+    custom_data: dict[str, str] = field(default_factory=dict)
 
     @property
-    def total_slip_rmse(self) -> float:
-        """Root mean square of the slip error over all wheels, dimensionless."""
-        return float(np.sqrt(np.mean(self.slip_rmse**2)))
+    def sha256(self) -> str:
+        """SHA-256 of all topics, times and contents, in order."""
+        digest = hashlib.sha256()
+        for name, _, ns, data in self.messages:
+            digest.update(f'{name} {ns} {len(data)}\n'.encode())
+            digest.update(data)
+        return digest.hexdigest()
+
+    def values(self, name: str) -> list[Any]:
+        """Messages of a topic.
+
+        Parameters
+        ----------
+        name : str
+            Topic; the leading slash may be left out.
+
+        Returns
+        -------
+        list
+            Decoded, in order; SI units.
+        """
+        full_name = f'/{name.lstrip("/")}'
+        store = typestore()
+        return [
+            store.deserialize_cdr(data, type_name)
+            for where, type_name, _, data in self.messages
+            if where == full_name
+        ]
+
+    def write(self, path: Path | str) -> None:
+        """Write an MCAP bag of the outputs.
+
+        Parameters
+        ----------
+        path : Path or str
+            Folder to make.
+
+        Raises
+        ------
+        BagError
+            If it exists or cannot be written.
+        """
+        with BagWriter(path, self.custom_data) as bag:
+            for name, type_name, ns, data in self.messages:
+                if name not in bag.counts:
+                    row = topic(name if name == '/diagnostics' else name[1:])
+                    bag.add_topic(name, type_name, QOS[row.qos])
+                bag.write(name, ns, data)
 
 
-def replay(
-    path: Path | str,
-    vehicle: str = '',
-    soil: str = '',
-    *,
-    settle: float = 2.0,
-    until: float = math.inf,
-    least_speed: float = 0.3,
-    method: str = 'ukf',
-    radar_gap: tuple[float, float] | None = None,
-    radar_seed: int | None = None,
-    progress: Callable[[float], None] | None = None,
-) -> ReplayErrors:
-    """Send a bag through the estimator and compare slip with ground truth.
+def read_parameters(path: Path | str) -> dict[str, dict[str, Any]]:
+    """Parameters by node from a parameter file of ROS 2.
 
     Parameters
     ----------
     path : Path or str
-        Bag with `wheel_states`, `radar` and `ground_truth/slip_estimate`, in any namespace.
+        YAML file.
+
+    Returns
+    -------
+    dict of str to dict
+        By name of the node without namespace.
+
+    Raises
+    ------
+    ValueError
+        If it is no such file.
+    """
+    try:
+        text = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise ValueError(f'{path}: {" ".join(str(error).split())}') from error
+    found: dict[str, dict[str, Any]] = {}
+    for name, content in (text if isinstance(text, dict) else {None: None}).items():
+        values = content.get('ros__parameters') if isinstance(content, dict) else None
+        if not isinstance(values, dict):
+            raise ValueError(f'{path}: expected node names, each with ros__parameters')
+        found.setdefault(str(name).rsplit('/', 1)[-1], {}).update(values)
+    return found
+
+
+def chosen_parameters(
+    path: Path | str | None, assignments: Sequence[str]
+) -> dict[str, dict[str, Any]]:
+    """Parameters by node from a file and from a command line.
+
+    Parameters
+    ----------
+    path : Path or str, optional
+        Parameter file of ROS 2.
+    assignments : sequence of str
+        Each ``NODE.NAME=VALUE``, the value as in YAML; they overrule the file.
+
+    Returns
+    -------
+    dict of str to dict
+        By node; SI units.
+
+    Raises
+    ------
+    ValueError
+        If file or assignment cannot be read.
+    """
+    chosen = read_parameters(path) if path is not None else {}
+    for assignment in assignments:
+        name, equals, text = assignment.partition('=')
+        node, dot, parameter = name.partition('.')
+        if not (node and dot and parameter and equals):
+            raise ValueError(f"parameter '{assignment}' should read NODE.NAME=VALUE")
+        try:
+            value = yaml.safe_load(text)
+        except yaml.YAMLError as error:
+            raise ValueError(
+                f"parameter '{assignment}': {' '.join(str(error).split())}"
+            ) from error
+        chosen.setdefault(node, {})[parameter] = value
+    return chosen
+
+
+def parameters_for(vehicle: str, soil: str, changes: Parameters) -> dict[str, dict[str, Any]]:
+    """Parameters of estimator, controller and gate for a vehicle.
+
+    The shipped files are for one vehicle. Another one has the defaults of the nodes, and the law
+    lqi, which needs no gain table.
+
+    Parameters
+    ----------
     vehicle, soil : str
-        As the estimator takes them; empty for those the bag names.
-    settle : float
-        Samples before this time are not judged, s.
-    until : float
-        Nor are those after this time, s.
-    least_speed : float
-        Nor are those with a rim slower than this, m/s.
-    method : {'ukf', 'ekf', 'lpv'}
-        Kalman filter.
-    radar_gap : (float, float), optional
-        From when to when the radar is silent, s.
-    radar_seed : int, optional
-        Radar readings are made anew, from ground truth and noise of this seed as large as the
-        readings say theirs is.
+        Preset, or path of a definition.
+    changes : mapping of str to mapping
+        What differs, by node.
+
+    Returns
+    -------
+    dict of str to dict
+        By node; SI units.
+
+    Raises
+    ------
+    ValueError
+        For a node that takes no part.
+    """
+    for name in changes:
+        if name not in BEHAVIOURS:
+            raise ValueError(f"a replay has no node '{name}'{closest(name, BEHAVIOURS)}")
+    chosen: dict[str, dict[str, Any]] = {}
+    for name, (package, _) in BEHAVIOURS.items():
+        shipped = read_parameters(config(package, f'{name}.yaml'))[name]
+        chosen[name] = shipped
+    if vehicle != chosen['slip_controller']['vehicle']:
+        chosen = {
+            'slip_estimator': {},
+            'slip_controller': {'law': 'lqi'},
+            'torque_gate': {'wheel_names': list(load_vehicle(vehicle).wheel_names)},
+        }
+    for name in ('slip_estimator', 'slip_controller'):
+        chosen[name] |= {'vehicle': vehicle, 'soil': soil}
+    for name, values in changes.items():
+        chosen[name] |= values
+    return chosen
+
+
+def replay(
+    path: Path | str,
+    *,
+    vehicle: str = '',
+    soil: str = '',
+    parameters: Parameters | None = None,
+    judge: Judge | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Replay:
+    """Send a bag through the suite in lock step.
+
+    Parameters
+    ----------
+    path : Path or str
+        Bag, MCAP or sqlite3, with `wheel_states`, in any namespace. Without a `torque_request` in
+        it, the torque that was commanded counts as asked for.
+    vehicle, soil : str
+        Empty for those the bag names.
+    parameters : mapping of str to mapping, optional
+        What differs from the shipped parameters, by node.
+    judge : Judge, optional
+        What of the estimates is compared with ground truth.
     progress : callable, optional
         Called with the share that is done, 0 to 1.
 
     Returns
     -------
-    ReplayErrors
-        SI units.
+    Replay
+        The outputs.
 
     Raises
     ------
     BagError
-        If the bag cannot be read, lacks a topic, or names no vehicle and none is given.
-    DefinitionError
-        If vehicle or soil are not known.
+        If the bag cannot be read, holds no `wheel_states` of the vehicle, or names no vehicle and
+        none is given.
     ValueError
-        If the method is not known.
+        If vehicle, soil or a parameter is refused.
     """
+    judge = judge or Judge()
+    result = Replay()
     with BagReader(path) as bag:
         prefix = vehicle_prefix(bag)
-        topics = bag.find(
-            prefix + topic for topic in ('wheel_states', 'radar', 'ground_truth/slip_estimate')
-        )
-        chosen = {'vehicle': vehicle, 'soil': soil}
-        for what, name in chosen.items():
-            chosen[what] = name or bag.custom_data.get(what, '')
-            if not chosen[what]:
+        given = {'vehicle': vehicle, 'soil': soil}
+        for what, name in given.items():
+            given[what] = name or bag.custom_data.get(what, '')
+            if not given[what]:
                 raise BagError(f'{path}: names no {what}; give --{what}')
-        model = load_vehicle(chosen['vehicle'])
-        estimation = SlipEstimation(
-            model, load_soil(chosen['soil']), least_speed=least_speed, method=method
+        chosen = parameters_for(given['vehicle'], given['soil'], parameters or {})
+        source = bag.custom_data.get('source', '')
+        result.custom_data = {
+            **given,
+            'source': f'replay of: {source}' if source else 'replay',
+            'parameters': yaml.safe_dump(chosen, sort_keys=True, allow_unicode=True),
+        }
+
+        estimates: dict[int, tuple[Any, Any, float]] = {}
+        store = typestore()
+
+        def record(name: str, type_name: str, ns: int, data: bytes) -> None:
+            result.messages.append((name, type_name, ns, data))
+
+        lockstep = LockStep(store, record, bag.start)
+        nodes = {
+            name: lockstep.add(behaviour, chosen[name])
+            for name, (_, behaviour) in BEHAVIOURS.items()
+        }
+
+        def remember(message: Any) -> None:
+            stamp = nanoseconds(message.header.stamp)
+            estimates[stamp] = (
+                list(message.slip), list(message.slip_variance), message.ground_based_speed,
+            )  # fmt: skip
+
+        there = {name for name in bag.topics if name.startswith(prefix)}
+        request = next((name for name in REQUESTS if prefix + name in there), '')
+        produced = {'slip_estimate', 'terrain_estimate', 'wheel_torque_command'}
+        sent = {prefix + name: name for name in lockstep.inputs - produced} | (
+            {prefix + request: 'torque_request'} if request else {}
         )
-        speeds = JointOrder(model.wheel_names, 'wheel_states velocity')
-        torques = JointOrder(model.wheel_names, 'wheel_states effort')
-        start, end = bag.start, bag.end
-        estimates: dict[int, tuple[Array, Array, float]] = {}
-        errors, deviations, speed_errors = [], [], []
-        noise = None if radar_seed is None else np.random.default_rng(radar_seed)
-        # Noise of readings that wait for the truth of their time.
-        anew: dict[int, tuple[float, float]] = {}
-        for message in bag.messages(sorted(topics)):
-            if progress is not None:
-                progress((message.time - start) / max(1, end - start))
+        judged = prefix + _TRUTH in there
+        if judged:
+            lockstep.subscribe('slip_estimate', remember)
+        began = time.perf_counter()
+        # As in a node: what is collected meanwhile would be found alive anyway.
+        gc.disable()
+        try:
+            for message in bag.messages(sorted(there & set(sent))):
+                lockstep.put(sent[message.topic], message.time, message.message)
+                if progress is not None:
+                    progress((message.time - bag.start) / max(1, bag.end - bag.start))
+            lockstep.advance(bag.end)
+        finally:
+            gc.enable()
+        result.wall = time.perf_counter() - began
+        if not any(name == '/slip_estimate' for name, *_ in result.messages):
+            raise BagError(f'{path}: no estimate came of it: {nodes["slip_estimator"].said}')
+        result.start, result.duration = bag.start, bag.duration
+        for message in bag.messages([prefix + _TRUTH]) if judged else ():
             ns = nanoseconds(message.message.header.stamp)
-            t = (ns - start) * 1e-9
-            content = message.message
-            kind = message.topic.removeprefix(prefix)
-            if kind == 'radar':
-                if radar_gap is not None and radar_gap[0] <= t < radar_gap[1]:
-                    continue
-                variance = content.twist.covariance[0]
-                if noise is None:
-                    estimation.radar(t, content.twist.twist.linear.x, variance)
-                else:
-                    anew[ns] = noise.normal(0.0, math.sqrt(variance)), variance
-            elif kind == 'wheel_states':
-                names = list(content.name)
-                estimation.wheel_states(
-                    t,
-                    speeds.values(names, content.velocity),
-                    torques.values(names, content.effort),
-                )
-                estimates = {
-                    ns: (estimation.slip.copy(), estimation.slip_variance.copy(), estimation.v)
-                }
-            else:
-                if ns in estimates and settle <= t <= until:
-                    slip, variances, speed = estimates[ns]
-                    rims = np.abs(content.wheel_based_speed)
-                    if np.all(rims > least_speed):
-                        errors.append(slip - content.slip)
-                        deviations.append(np.sqrt(variances))
-                        speed_errors.append(speed - content.ground_based_speed)
-                if ns in anew:
-                    off, variance = anew.pop(ns)
-                    estimation.radar(t, content.ground_based_speed + off, variance)
-    if not errors:
-        raise BagError(f'{path}: nothing to judge after {settle:g} s above {least_speed:g} m/s')
-    error = np.array(errors)
-    return ReplayErrors(
-        wheel_names=model.wheel_names,
-        slip_rmse=np.sqrt(np.mean(error**2, axis=0)),
-        slip_p95=np.percentile(np.abs(error), 95, axis=0),
-        within_two_sigma=np.mean(np.abs(error) <= 2 * np.array(deviations), axis=0),
-        speed_rmse=float(np.sqrt(np.mean(np.square(speed_errors)))),
-        samples=len(errors),
-    )
+            if ns in estimates:
+                slip, variances, speed = estimates[ns]
+                t = (ns - bag.start) * 1e-9
+                judge.add(t, slip, variances, speed, message.message)
+        result.errors = judge.errors(load_vehicle(given['vehicle']).wheel_names)
+    return result

@@ -138,8 +138,8 @@ def test_a_single_jump_is_refused_and_leaves_no_trace(row, angle, size, v):
     assert spoilt.rebased == 0
     assert np.all(after[np.arange(100) != row, 0] == 1)
     # One fix less: what is missing is worth less than the speed between two fixes, which is
-    # noisy by 0.01*sqrt(2)/0.1 s = 0.14 m/s.
-    assert np.max(np.abs(after[:, 1] - before[:, 1])) < 0.14
+    # noisy by 0.01*sqrt(2)/0.1 s = 0.14 m/s: three deviations. A jump believed would be 3 m/s.
+    assert np.max(np.abs(after[:, 1] - before[:, 1])) < 0.42
     assert spoilt.distance == pytest.approx(clean.distance, abs=0.05)
 
 

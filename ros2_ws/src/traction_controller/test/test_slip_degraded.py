@@ -112,6 +112,17 @@ def test_without_any_tachometer_the_request_passes(control, linear_wheels):
     assert missing == [Degraded.TACHOMETER] * 2 + [Degraded.NONE] * 2
 
 
+def test_without_any_slip_and_without_speed_torque_only_falls(control, linear_wheels):
+    drive(control, linear_wheels(), 5.0)
+    before = [outcome.torque for outcome in control.outcomes]
+    arguments = (0.01, [0.2] * 4, [False] * 4, [3.0] * 4, 2.4, [1e5] * 4, None)
+    for request in (15000.0, 100.0, 15000.0):
+        for _ in range(100):
+            outcomes = control.step(*arguments, [request] * 4, speed_measured=False)
+    assert before[0] > 100.0
+    assert [outcome.torque for outcome in outcomes] == [100.0] * 4
+
+
 @pytest.mark.parametrize('law', LAWS)
 @pytest.mark.parametrize('lost', [(0, 1, 2, 3), (0, 3)])
 def test_without_shaft_torque_the_lag_stands_for_it(linear_wheels, law, lost):

@@ -5,7 +5,8 @@ group of wheels that one torque drives (`traction_controller.driveline`). Every 
 torque that was really sent. So gains may change from step to step, and modes, laws, groups and
 targets may be switched without a bump, and nothing can wind up: what was not sent, or what the
 shafts show not to have been delivered, is not remembered. A wheel that leaves control (too slow,
-slip not valid) goes back to its request within half a second.
+slip not valid) goes back to its request within half a second; where neither slip nor speed are
+known, its torque may only fall.
 """
 
 import math
@@ -529,6 +530,9 @@ class SlipControl:
                 group.short = 0.0
                 if reason in (ExitReason.VEHICLE_SPEED_TOO_LOW, ExitReason.SLIP_NOT_AVAILABLE):
                     wanted = self._release(group, dt, sent, abs(requests[reference]))  # type: ignore[index]
+                if reason is ExitReason.SLIP_NOT_AVAILABLE and not speed_measured:
+                    # Nothing would show that the wheels spin.
+                    wanted = min(wanted, sent)
             limited = min(max(wanted, 0.0), most)
             status = self._status(reason, wanted, limited)
             rate = math.inf

@@ -168,7 +168,7 @@ def test_diagnostics_come_once_a_second_and_at_once_when_new(probe):
         radar = TwistWithCovarianceStamped()
         radar.twist.twist.linear.x = 2.5
         field.publisher('radar').publish(radar)
-        status = probe.wait_for_diagnostic('field/sample', 'radar heard', timeout=0.5)
+        status = probe.wait_for_diagnostic('field/sample', 'radar heard', timeout=0.9)
         assert status.level == bytes([diagnostic.WARN])
         values = {pair.key: pair.value for pair in status.values}
         assert values == {'state': 'active', 'speed': '2.5'}

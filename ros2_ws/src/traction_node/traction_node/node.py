@@ -3,6 +3,7 @@
 import gc
 import math
 import sys
+import time
 import traceback
 from types import SimpleNamespace
 
@@ -196,6 +197,16 @@ class _Suite:
         self._entities.append((self.destroy_publisher, publisher))
         return publisher
 
+    def message(self, name):
+        """New message of one of the suite's topics, all zero.
+
+        Parameters
+        ----------
+        name : str
+            As for `publisher`.
+        """
+        return message_class(topic(name).type)()
+
     def subscription(self, name, callback):
         """Subscription to one of the suite's topics.
 
@@ -213,6 +224,22 @@ class _Suite:
         self._entities.append((self.destroy_subscription, subscription))
         return subscription
 
+    def service(self, name, type_name, callback):
+        """Service of the node, in its own namespace: `name` of `torque_gate` is `torque_gate/name`.
+
+        Parameters
+        ----------
+        name : str
+            Name below that of the node.
+        type_name : str
+            Such as 'std_srvs/srv/SetBool'.
+        callback : callable
+            Called with request and response, gives the response.
+        """
+        service = self.create_service(message_class(type_name), f'~/{name}', callback)
+        self._entities.append((self.destroy_service, service))
+        return service
+
     def steady_timer(self, period, callback):
         """Timer that no simulated or stepped clock disturbs: for watchdogs.
 
@@ -226,6 +253,10 @@ class _Suite:
         timer = self.create_timer(period, callback, clock=self._steady_clock)
         self._entities.append((self.destroy_timer, timer))
         return timer
+
+    def steady_time(self):
+        """Time of the clock of `steady_timer` [s]."""
+        return time.monotonic()
 
     def _destroy_entities(self, first=0):
         """Destroy what was created by the three methods above, from the one numbered `first`."""

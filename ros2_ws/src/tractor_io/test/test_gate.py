@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tractor_io.gate import REACTION_TIME, WATCHDOG_PERIOD, Limit, State, TorqueGate
+from tractor_io.gate import REACTION_TIME, WATCHDOG_PERIOD, Limit, State, StopSource, TorqueGate
 
 WHEELS = ['fl', 'fr']
 MIN, MAX, RATE = [-500.0, -1000.0], [2000.0, 4000.0], [10_000.0, 20_000.0]
@@ -117,6 +117,44 @@ def test_stamp_that_runs_backwards_is_rejected_until_commands_stopped():
     # A clock that was set back for good: the gate lets go, then takes up the new time.
     assert not gate.command(0.09, 99.58, WHEELS, [1000.0, 1000.0])
     assert gate.command(0.11, 99.6, WHEELS, [1000.0, 1000.0])
+
+
+def test_command_much_younger_than_the_wheel_states_is_not_passed():
+    gate = passing_gate()
+    gate.measured(0.005, 100.005, WHEELS, [1000.0, 1000.0])
+    assert not gate.command(0.01, 110.0, WHEELS, [1000.0, 1000.0])
+    assert gate.reason.endswith('stamp is 9.995 s younger than the wheel states')
+    # Those that follow are not measured by it.
+    assert gate.command(0.02, 100.02, WHEELS, [1000.0, 1000.0])
+
+
+def test_emergency_stop_holds_until_all_have_released_it():
+    gate = passing_gate()
+    gate.emergency_stop(StopSource.TOPIC, True)
+    assert gate.output == [0.0, 0.0]
+    assert gate.reason == 'emergency stop: at 0 N·m until released by topic'
+    gate.emergency_stop(StopSource.SERVICE, True)
+    gate.emergency_stop(StopSource.TOPIC, False)
+    assert gate.reason == 'emergency stop: at 0 N·m until released by service'
+    assert not gate.command(0.01, 100.01, WHEELS, [1000.0, 1000.0])
+    # Neither a pause nor a deactivation ends it.
+    assert gate.step(10.0)
+    gate.release()
+    assert gate.state is State.STOPPED
+    assert gate.output == [0.0, 0.0]
+    gate.measured(10.0, 0.0, WHEELS, [300.0, 0.0])
+    gate.emergency_stop(StopSource.SERVICE, False)
+    assert gate.state is State.SAFE
+    assert gate.output == [0.0, 0.0]
+    assert gate.command(10.01, 110.0, WHEELS, [1000.0, 1000.0])
+    assert gate.output == [300.0, 0.0]
+
+
+def test_a_release_without_a_stop_changes_nothing():
+    gate = passing_gate()
+    gate.emergency_stop(StopSource.SERVICE, False)
+    assert gate.state is State.PASSING
+    assert gate.output == [1000.0, 1000.0]
 
 
 def test_commands_without_stamp_pass():

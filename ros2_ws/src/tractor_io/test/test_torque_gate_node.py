@@ -5,6 +5,8 @@ import time
 
 import pytest
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
+from std_srvs.srv import SetBool
 
 from traction_node.graph import NodeProcess, Probe, executable
 
@@ -125,6 +127,27 @@ def test_the_last_torque_is_safe_on_deactivation_and_on_ctrl_c(gate):
     gate.drive([500.0, 500.0], lambda: gate.efforts == [500.0, 500.0], 'the commanded torques')
     assert gate.process.interrupt() == 0
     gate.probe.wait_for(lambda: gate.efforts == [0.0, 0.0], 1.0, 'the safe torque')
+
+
+def test_emergency_stop_by_service_and_by_topic(gate):
+    gate.drive([500.0, 500.0], lambda: gate.efforts == [500.0, 500.0], 'the commanded torques')
+    service = 'torque_gate/emergency_stop'
+    answer = gate.probe.call(SetBool, service, SetBool.Request(data=True))
+    assert answer.success
+    assert answer.message == 'emergency stop: at 0 N·m until released by service'
+    gate.probe.wait_for(lambda: gate.efforts == [0.0, 0.0], 1.0, 'the safe torque')
+    topic = gate.probe.publisher('emergency_stop')
+    topic.publish(Bool(data=True))
+    gate.probe.wait_for_diagnostic('torque_gate', 'until released by service and topic')
+    # A gate that is configured anew does not forget it, and does not pass commands.
+    for transition in ('deactivate', 'cleanup', 'configure', 'activate'):
+        assert gate.probe.change_state('torque_gate', transition)
+    gate.probe.call(SetBool, service, SetBool.Request(data=False))
+    heard = len(gate.torques)
+    gate.drive([500.0, 500.0], lambda: len(gate.torques) > heard + 20, 'torques')
+    assert all(list(t.effort) == [0.0, 0.0] for t in gate.torques[heard:])
+    topic.publish(Bool(data=False))
+    gate.drive([500.0, 500.0], lambda: gate.efforts == [500.0, 500.0], 'torque after release')
 
 
 def test_inconsistent_parameters_are_refused():

@@ -17,8 +17,11 @@ from tractor_io.bag import BagError, BagReader
 
 ALL = 'all'
 
-COMMANDS = tuple(f'/{name}' for name, topic in topics().items() if topic.qos == 'command')
-"""Topics that carry torques, in whatever namespace: replayed, they would drive a vehicle."""
+COMMANDS = (
+    *(f'/{name}' for name, topic in topics().items() if topic.qos == 'command'),
+    '/emergency_stop',
+)
+"""Topics that would drive or release a vehicle when replayed, in whatever namespace."""
 
 ABSOLUTE = ('/clock', '/diagnostics')
 """Topics that have no namespace."""

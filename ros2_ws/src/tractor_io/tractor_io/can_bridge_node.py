@@ -27,6 +27,9 @@ TELL_PERIOD = 1.0
 LISTEN_PERIOD = 0.1
 """Longest wait for a frame before looking whether to end, s."""
 
+FULL_BUS = 0.9 * 250_000 / 128
+"""Frames of eight bytes from which on a bus of 250 kbit/s counts as full, 1/s."""
+
 RETRY_PERIOD = 0.5
 """Wait after the bus has failed twice in a row, s."""
 
@@ -158,6 +161,9 @@ class CanBridgeNode(TractionLifecycleNode):
         self._flooded = 0.0
         self._told = None
         self._told_at = 0.0
+        self._trouble = ''
+        self._counted_at = time.monotonic()
+        self._counted = dict(self._counts)
         self._can = open_bus(self.p.interface, self.p.channel, self.p.port)
         try:
             self._log = can.CanutilsLogWriter(self.p.log) if self.p.log else None
@@ -310,8 +316,23 @@ class CanBridgeNode(TractionLifecycleNode):
         self._counts['failures'] += 1
         self._failure = str(error)
 
+    def _count(self, now):
+        """Look once a second at what came in that second."""
+        passed = now - self._counted_at
+        if passed < TELL_PERIOD:
+            return
+        new = {name: count - self._counted[name] for name, count in self._counts.items()}
+        self._counted_at, self._counted = now, dict(self._counts)
+        troubles = (
+            ('error frames', new['error_frames'] > 0),
+            ('frames of a wrong length', new['bad_frames'] > 0),
+            ('full of frames', new['frames'] > FULL_BUS * passed),
+        )
+        self._trouble = ', '.join(text for text, there in troubles if there)
+
     def _tell(self, now):
         bus = self._bus
+        self._count(now)
         silent = [name for name in ('HRW', 'EEC1', 'GBSD') if bus.watch.silent(now, name)]
         level, text = OK, f'limits the engine from address {bus.claim.address}'
         if self._failure:
@@ -323,6 +344,10 @@ class CanBridgeNode(TractionLifecycleNode):
             text = f'silent: {", ".join(silent)}'
         elif not bus.claim.usable:
             level, text = WARN, f'no address: {bus.claim.state.value}'
+        elif not bus.commanded(now):
+            level, text = WARN, 'no wheel_torque: the engine is limited to none'
+        elif self._trouble:
+            level, text = WARN, f'bus: {self._trouble}'
         if (level, text) != self._told or now - self._told_at >= TELL_PERIOD:
             self._told, self._told_at = (level, text), now
             status = {

@@ -2,7 +2,8 @@
 
 Good commands pass, cut to what each wheel may get and to how fast it may change. Bad ones do
 not: the last good command holds until `timeout`, then all torques go to the safe torque within
-`release_time`. Times are those of a steady clock, which the caller reads.
+`release_time`. An emergency stop puts out the safe torque at once, until all who called it
+release it. Times are those of a steady clock, which the caller reads.
 """
 
 import enum
@@ -31,6 +32,15 @@ class State(enum.Enum):
     """No good command for too long: on the way to the safe torque."""
     SAFE = 'safe'
     """No good command for too long: at the safe torque."""
+    STOPPED = 'stopped'
+    """Emergency stop: at the safe torque, whatever is commanded."""
+
+
+class StopSource(enum.Enum):
+    """Who calls an emergency stop; each has to release its own."""
+
+    TOPIC = 'topic'
+    SERVICE = 'service'
 
 
 class Limit(enum.Enum):
@@ -40,6 +50,10 @@ class Limit(enum.Enum):
     HIGH = 'above the most'
     LOW = 'below the least'
     RATE = 'too fast a change'
+
+
+# Of a command that is not passed.
+_CAUSES = ('names', 'length', 'not_finite', 'stamp', 'stale', 'future', 'stopped')
 
 
 class TorqueGate:
@@ -63,7 +77,8 @@ class TorqueGate:
         N·m, within the limits of every wheel.
     max_age : float
         A command whose stamp is this much older than that of the newest wheel states is
-        stale and not passed, s, above 0. Both stamps have to be of one clock.
+        stale and not passed, s, above 0; as little is one that is this much younger. Both
+        stamps have to be of one clock.
 
     Attributes
     ----------
@@ -79,6 +94,8 @@ class TorqueGate:
         Commands cut in magnitude and in rate since the start.
     timeouts : int
         How often commands stopped since the start.
+    stopped_by : set of StopSource
+        Who holds an emergency stop; change it through `emergency_stop`.
 
     Raises
     ------
@@ -138,9 +155,10 @@ class TorqueGate:
         self.state = State.WAITING
         self.output = [safe_torque] * n
         self.limits = [Limit.NONE] * n
-        self.rejected = dict.fromkeys(('names', 'length', 'not_finite', 'stamp', 'stale'), 0)
+        self.rejected = dict.fromkeys(_CAUSES, 0)
         self.limited = {'magnitude': 0, 'rate': 0}
         self.timeouts = 0
+        self.stopped_by: set[StopSource] = set()
 
         self._asked = [safe_torque] * n
         self._held = [safe_torque] * n
@@ -180,6 +198,9 @@ class TorqueGate:
             rejected, with the cause in `reason`.
         """
         self.step(t)
+        if self.stopped_by:
+            self.rejected['stopped'] += 1
+            return False
         restart = self.state in (State.WAITING, State.RELEASING, State.SAFE)
         try:
             commanded = self._commands.values(names, efforts)
@@ -189,9 +210,8 @@ class TorqueGate:
                 raise JointError(
                     'stamp', f'stamp {stamp:.3f} s is {age:.3f} s older than the last'
                 )
-            age = self._newest_stamp - stamp
-            if stamp > 0.0 and t - self._last_measured <= self._timeout and age > self._max_age:
-                raise JointError('stale', f'stamp is {age:.3f} s older than the wheel states')
+            if stamp > 0.0 and t - self._last_measured <= self._timeout:
+                self._compare(self._newest_stamp - stamp)
         except JointError as error:
             self.rejected[error.cause] += 1
             self._rejection = str(error)
@@ -227,6 +247,35 @@ class TorqueGate:
         self._rejection = ''
         self.state = State.PASSING
         return True
+
+    def _compare(self, age: float) -> None:
+        """Refuse a command too much older than the wheel states, or younger, s."""
+        if age > self._max_age:
+            raise JointError('stale', f'stamp is {age:.3f} s older than the wheel states')
+        # It would make all later ones look old.
+        if self._newest_stamp > 0.0 and age < -self._max_age:
+            raise JointError('future', f'stamp is {-age:.3f} s younger than the wheel states')
+
+    def emergency_stop(self, source: StopSource, stop: bool) -> None:
+        """Call an emergency stop or release one's own.
+
+        The safe torque is in `output` at once. After the last release commands pass again,
+        as after any pause.
+
+        Parameters
+        ----------
+        source : StopSource
+            Who does.
+        stop : bool
+            True to stop, False to release.
+        """
+        if stop:
+            self.stopped_by.add(source)
+        else:
+            self.stopped_by.discard(source)
+        if self.stopped_by or self.state is State.STOPPED:
+            self._rejection = ''
+            self.release()
 
     def measured(
         self, t: float, stamp: float, names: Sequence[str], efforts: Sequence[float]
@@ -289,6 +338,8 @@ class TorqueGate:
     def release(self) -> None:
         """Go to the safe torque at once, as on deactivation."""
         self.state = State.WAITING if self._last_good == -math.inf else State.SAFE
+        if self.stopped_by:
+            self.state = State.STOPPED
         for j in range(len(self.output)):
             self.output[j] = self._safe
 
@@ -305,6 +356,9 @@ class TorqueGate:
         if self.state is State.PASSING:
             cuts = [self._cut(j) for j, limit in enumerate(self.limits) if limit is not Limit.NONE]
             return 'limited: ' + '; '.join(cuts) if cuts else 'passing commands'
+        if self.state is State.STOPPED:
+            held = ' and '.join(sorted(source.value for source in self.stopped_by))
+            return f'emergency stop: at {self._safe:g} N·m until released by {held}'
         cause = f': {self._rejection}' if self._rejection else ''
         if self.state is State.HOLDING:
             return f'holding the last good command{cause}'

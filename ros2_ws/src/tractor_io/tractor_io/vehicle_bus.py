@@ -312,8 +312,21 @@ class VehicleBus:
         float
             As a share of its reference torque; 0 where no wheel torques came for the timeout.
         """
-        silent = self._commanded is None or t - self._commanded > self._timeout
-        return 0.0 if silent else self._share
+        return self._share if self.commanded(t) else 0.0
+
+    def commanded(self, t: float) -> bool:
+        """Whether wheel torques came within the timeout.
+
+        Parameters
+        ----------
+        t : float
+            Now, s.
+
+        Returns
+        -------
+        bool
+        """
+        return self._commanded is not None and t - self._commanded <= self._timeout
 
     def _send(self, frames: Sequence[tuple[Identifier, bytes]]) -> None:
         for identifier, data in frames:

@@ -1,0 +1,113 @@
+"""What no wheel can do, and what it can: slip, shocks, standing still."""
+
+import math
+
+import pytest
+
+from traction_controller.plausibility import ImplausibleError, Plausibility
+from traction_model.vehicle import load_vehicle
+
+TRACTOR = load_vehicle('tractor_4wd')
+RADII = [wheel.radius for wheel in TRACTOR.wheels]
+V, SLIP = 2.0, 0.2
+PULL = [0.3 * load * radius for load, radius in zip(TRACTOR.static_loads(), RADII, strict=True)]
+
+
+class Drive:
+    """A tractor at 2 m/s and 20 % slip whose readings never repeat themselves."""
+
+    def __init__(self, **settings):
+        self.check = Plausibility(TRACTOR, **settings)
+        self.t = 0.0
+        self.steps = 0
+
+    def read(self, scale=(1.0, 1.0, 1.0, 1.0), pull=1.0, stuck=(), v=V):
+        """One reading; the reason why it is refused, or empty."""
+        self.steps += 1
+        self.t += 0.01
+        ripple = 1.0 + 0.01 * math.sin(0.7 * self.steps)
+        omega = [
+            s * V / (1 - SLIP) / r * (1.0 if j in stuck else ripple)
+            for j, (s, r) in enumerate(zip(scale, RADII, strict=True))
+        ]
+        try:
+            self.check.wheels(self.t, omega, [pull * ripple * torque for torque in PULL], v)
+        except ImplausibleError as error:
+            return str(error)
+        return ''
+
+    def last(self, n, **reading):
+        return [self.read(**reading) for _ in range(n)][-1]
+
+
+@pytest.fixture
+def drive():
+    drive = Drive()
+    assert [drive.read() for _ in range(100)] == [''] * 100
+    return drive
+
+
+@pytest.mark.parametrize('wheels', [(10.0,) * 4, (1.0, 10.0, 1.0, 1.0)])
+def test_ten_times_the_speed_at_once_is_refused_until_it_is_gone(drive, wheels):
+    assert 'jumps beyond what torque and ground can do' in drive.read(scale=wheels)
+    assert drive.last(200, scale=wheels)
+    # Back again, and for a moment watched.
+    assert drive.read()
+    assert drive.last(30) == ''
+
+
+@pytest.mark.parametrize('wheels', [(0.1,) * 4, (1.0, 1.0, 1.0, 0.1)])
+def test_a_driving_wheel_slower_than_the_ground_is_refused(drive, wheels):
+    assert drive.read(scale=wheels)
+    assert drive.last(30) == ''
+
+
+def test_wheels_that_brake_or_roll_may_be_slower(drive):
+    # Within what the ground can do: down by 2 % a reading.
+    for k in range(100):
+        assert drive.read(scale=(0.98**k,) * 4, pull=-0.5) == ''
+
+
+def test_a_wheel_that_spins_up_is_slip(drive):
+    # The whole torque of a rear wheel and no ground at all: 8000/60 = 133 rad/s^2.
+    for k in range(50):
+        assert drive.read(scale=(1.0, 1.0, 1.0 + k * 1.3 * RADII[2] / 2.5, 1.0)) == ''
+
+
+def test_stuck_tachometer_is_told_after_its_time(drive):
+    told = [drive.read(stuck=(1,)) for _ in range(20)]
+    assert told[13] == ''
+    assert "wheel 'fr' is stuck" in told[-1]
+    assert drive.last(30) == ''
+
+
+def test_pulses_and_standing_wheels_repeat_themselves():
+    counted = Drive(tachometer_pulses=60.0)
+    assert counted.last(100, stuck=(0, 1, 2, 3)) == ''
+    standing = Drive()
+    assert standing.last(100, scale=(0.0,) * 4, v=0.0) == ''
+
+
+def test_refusal_ends_when_the_vehicle_stands(drive):
+    assert drive.read(scale=(10.0,) * 4)
+    drive.check.speed('radar', drive.t, 1.0)
+    assert drive.last(20, scale=(0.0,) * 4, pull=0.0, v=0.0)
+    # The radar says so too, or is silent.
+    assert drive.last(100, scale=(0.0,) * 4, pull=0.0, v=0.0) == ''
+
+
+def test_ground_faster_than_driving_wheels_is_not_believed(drive):
+    assert drive.check.speed('radar', drive.t, V)
+    assert not drive.check.speed('radar', drive.t, 10.0 * V)
+    # Wheels that are locked by brakes.
+    drive.last(5, pull=-0.5)
+    assert drive.check.speed('radar', drive.t, 10.0 * V)
+    assert drive.check.speed('radar', drive.t, math.nan)
+
+
+def test_stuck_radar_is_not_believed(drive):
+    believed = []
+    for _ in range(12):
+        drive.last(5)
+        believed.append(drive.check.speed('radar', drive.t, V))
+    assert believed == [True] * 7 + [False] * 5

@@ -1,0 +1,202 @@
+"""Replay in lock step: the same bytes every time, and as the golden files say."""
+
+import re
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
+
+from traction_bringup.golden import compare, read_golden, write_golden
+from traction_bringup.lockstep import LockStep
+from traction_bringup.replay import replay as run_replay
+from traction_node.graph import executable
+from tractor_io.bag import BagReader, typestore
+
+ROOT = Path(__file__).resolve().parents[1]
+BAGS = ROOT / 'bags'
+GOLDEN = Path(__file__).parent / 'golden'
+NAMES = sorted(path.parent.name for path in BAGS.glob('*/metadata.yaml'))
+
+
+def command(*arguments):
+    """Run `traction replay` in a process of its own, give exit status and output."""
+    done = subprocess.run(
+        [str(executable('traction_bringup', 'traction')), 'replay', *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    return done.returncode, done.stdout + done.stderr
+
+
+def sha256(said):
+    return re.search(r'SHA-256 +([0-9a-f]{64})', said).group(1)
+
+
+def as_sqlite3(source, folder):
+    """The same messages in the other storage of rosbag2."""
+    store = typestore()
+    with BagReader(source) as bag:
+        writer = Writer(folder, version=9, storage_plugin=StoragePlugin.SQLITE3)
+        for key, value in bag.custom_data.items():
+            writer.set_custom_data(key, value)
+        with writer:
+            there = {
+                name: writer.add_connection(name, row.type, typestore=store)
+                for name, row in bag.topics.items()
+            }
+            for message in bag.messages(raw=True):
+                writer.write(there[message.topic], message.time, message.message)
+    return folder
+
+
+@pytest.mark.parametrize('name', NAMES)
+def test_a_bag_gives_what_its_golden_file_says(name):
+    assert compare(run_replay(BAGS / name), GOLDEN / f'{name}.golden') == []
+
+
+def test_there_is_a_golden_file_of_every_bag():
+    assert sorted(path.stem for path in GOLDEN.iterdir()) == NAMES
+
+
+def test_three_processes_and_two_storages_give_the_same_bytes(tmp_path):
+    bag = BAGS / 'tractor_soft_patch'
+    sqlite3 = as_sqlite3(bag, tmp_path / 'sqlite3')
+    said = [command(source) for source in (bag, bag, sqlite3)]
+    assert [status for status, _ in said] == [0, 0, 0], said
+    here = run_replay(bag)
+    assert {sha256(text) for _, text in said} == {here.sha256}
+    assert re.search(r': \d+ times real time', said[0][1])
+    written = [tmp_path / folder / 'outputs' for folder in ('first', 'second')]
+    here.write(written[0])
+    run_replay(sqlite3).write(written[1])
+    for file in ('outputs.mcap', 'metadata.yaml'):
+        assert (written[0] / file).read_bytes() == (written[1] / file).read_bytes()
+
+
+def test_a_changed_gain_is_told_with_topic_time_and_field():
+    name = 'wheel_drawbar'
+    status, said = command(
+        BAGS / name, '--against', GOLDEN / f'{name}.golden',
+        '-p', 'slip_controller.weight_slip=0.05',
+    )  # fmt: skip
+    assert status == 1
+    told = re.findall(
+        r'differs from .*: (/\S+) at ([0-9.]+) s, ([\w.\[\]]+): expected .*, found .*', said
+    )
+    # What depends on the gain, from when it acts; the estimate does not.
+    assert {'/controller_state', '/wheel_torque_command', '/wheel_torque'} <= {
+        topic for topic, _, _ in told
+    }, said
+    assert '/slip_estimate' not in said.split('SHA-256')[1]
+    assert all(0.0 < float(time) < 15.0 for _, time, _ in told)
+    fields = {topic: field for topic, _, field in told}
+    assert fields['/wheel_torque_command'] == 'effort[0]'
+
+
+def test_an_earlier_replay_serves_as_golden_file_too(tmp_path):
+    bag = BAGS / 'wheel_low_slip'
+    first = run_replay(bag)
+    first.write(tmp_path / 'before')
+    assert compare(first, tmp_path / 'before', tolerance=0.0) == []
+    status, said = command(bag, '--against', tmp_path / 'before', '--tolerance', 0)
+    assert status == 0, said
+    changed = run_replay(bag, parameters={'slip_estimator': {'radar_variance': 0.0026}})
+    # The bag's radar states its variance: this parameter must change nothing.
+    assert compare(changed, tmp_path / 'before', tolerance=0.0) == []
+
+
+def test_a_message_too_few_is_told(tmp_path):
+    bag = BAGS / 'wheel_low_slip'
+    result = run_replay(bag)
+    write_golden(result, tmp_path / 'golden')
+    result.messages = [m for m in result.messages if m[0] != '/odometry']
+    (found,) = compare(result, tmp_path / 'golden')
+    assert (found.topic, found.field, found.found) == ('/odometry', '', None)
+    assert 'message is missing' in str(found)
+
+
+def test_golden_files_hold_nine_digits(tmp_path):
+    result = run_replay(BAGS / 'wheel_low_slip')
+    write_golden(result, tmp_path / 'golden')
+    estimates = [s for s in read_golden(tmp_path / 'golden') if s.topic == '/slip_estimate']
+    exact = {
+        message.header.stamp.sec * 10**9 + message.header.stamp.nanosec: message
+        for message in result.values('slip_estimate')
+    }
+    # 10 s, one each half second, both ends.
+    assert len(estimates) == 21
+    for sample in estimates:
+        stamp = sample.fields['header.stamp.sec'] * 10**9 + sample.fields['header.stamp.nanosec']
+        np.testing.assert_allclose(sample.fields['slip'], exact[stamp].slip, rtol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'named'),
+    [
+        (['-p', 'slip_controler.mode=hold'], "did you mean 'slip_controller'"),
+        (['-p', 'slip_controller.weight_slipp=1.0'], 'did you mean "weight_slip"'),
+        (['-p', 'slip_controller.weight_slip'], 'NODE.NAME=VALUE'),
+        (['-p', 'slip_controller.weight_slip=-1'], 'weight_slip'),
+        (['--params-file', BAGS / 'README.md'], 'README.md'),
+        (['--against', BAGS / 'README.md'], 'not a golden file'),
+    ],
+)
+def test_what_is_wrong_with_the_input_is_named(arguments, named):
+    status, said = command(BAGS / 'wheel_low_slip', *arguments)
+    assert status == 2
+    assert named in said
+    assert 'Traceback' not in said
+
+
+def test_timers_run_between_messages_in_order_of_time():
+    seen = []
+    lockstep = LockStep(typestore(), lambda *_: None, start=1_000_000_000)
+    lockstep.timer(0.01, lambda: seen.append(('timer', lockstep.now)))
+    lockstep.subscribe('wheel_states', lambda _: seen.append(('message', lockstep.now)))
+    lockstep.put('wheel_states', 1_025_000_000, None)
+    lockstep.advance(1_030_000_000)
+    assert seen == [
+        ('timer', 1_010_000_000),
+        ('timer', 1_020_000_000),
+        ('message', 1_025_000_000),
+        ('timer', 1_030_000_000),
+    ]
+
+
+def test_the_fixture_replays_and_compares(replay):
+    result = replay('../bags/wheel_low_slip', against='golden/wheel_low_slip.golden')
+    assert result.errors.total_slip_rmse < 0.01
+    assert len(result.values('wheel_torque')) == 1001
+    with pytest.raises(pytest.fail.Exception, match=r'/controller_state at [0-9.]+ s, \w+'):
+        replay(
+            '../bags/wheel_low_slip',
+            against='golden/wheel_low_slip.golden',
+            parameters={'slip_controller': {'weight_slip': 0.05}},
+        )
+
+
+def test_commands_stop_where_wheel_states_stop(tmp_path):
+    """The gate's watchdog runs on the time of the bag."""
+    from tractor_io.bag import QOS, BagWriter
+
+    with (
+        BagReader(BAGS / 'wheel_drawbar') as bag,
+        BagWriter(tmp_path / 'gap', bag.custom_data) as gap,
+    ):
+        gap.add_topic('/wheel_states', 'sensor_msgs/msg/JointState', QOS['sensor_data'])
+        gap.add_topic('/wheel_torque', 'sensor_msgs/msg/JointState', QOS['command'])
+        start = bag.start
+        for message in bag.messages(['wheel_states', 'wheel_torque'], raw=True):
+            if not 5.0 <= (message.time - start) * 1e-9 < 6.0:
+                gap.write(message.topic, message.time, message.message)
+    result = run_replay(tmp_path / 'gap')
+    times = [ns for name, _, ns, _ in result.messages if name == '/wheel_torque']
+    efforts = [message.effort[0] for message in result.values('wheel_torque')]
+    at = {(ns - start) * 1e-9: effort for ns, effort in zip(times, efforts, strict=True)}
+    assert min(effort for t, effort in at.items() if 3.0 < t < 4.99) > 100.0
+    # The last command at 4.99 s holds 0.1 s and is gone 0.08 s later, by the watchdog of 10 ms.
+    zero = [t for t, effort in at.items() if 5.0 <= t < 6.0 and effort == 0.0]
+    assert 5.17 <= min(zero) <= 5.19
