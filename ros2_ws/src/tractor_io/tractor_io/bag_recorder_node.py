@@ -32,7 +32,10 @@ FLUSH_PERIOD = 0.2
 ASK_PERIOD = 1.0
 """Time between two looks for nodes whose parameters are not in the bag yet, s."""
 
-MOST_ATTEMPTS = 5
+ASK_EVERY = 5
+"""Looks from one request to the next, as a node that starts may be busy for seconds."""
+
+MOST_LOOKS = 60
 """Looks after which a node that does not tell its parameters is left alone."""
 
 MOST_CHANGES = 100
@@ -68,8 +71,9 @@ class BagRecorderNode(TractionNode):
         """Make the bag and subscribe."""
         about = {'source': 'recorded by bag_recorder', **versions()}
         self._writer = BagWriter(self.p.output, about)
-        # By node: times asked; and clients of those that have not answered yet.
-        self._asked = {}
+        # By node: looks so far and at which to ask; and clients of those that have not answered.
+        self._looks = {}
+        self._ask_at = {}
         self._asking = {}
         # By node: what was changed while recording; and what is new to be said about the bag.
         self._changes = {}
@@ -159,17 +163,20 @@ class BagRecorderNode(TractionNode):
         for name, namespace in self.get_node_names_and_namespaces():
             node = f'{namespace.rstrip("/")}/{name}'
             # Hidden nodes are those of tools.
-            if self._is_ours(node) and not name.startswith('_') and node not in self._asked:
-                self._asked[node] = 0
+            if self._is_ours(node) and not name.startswith('_') and node not in self._looks:
+                self._looks[node] = self._ask_at[node] = 0
                 self._asking[node] = (
                     self.create_client(ListParameters, f'{node}/list_parameters'),
                     self.create_client(GetParameters, f'{node}/get_parameters'),
                 )
         for node, (listing, getting) in list(self._asking.items()):
-            self._asked[node] += 1
-            if self._asked[node] > MOST_ATTEMPTS:
+            self._looks[node] += 1
+            if self._looks[node] > MOST_LOOKS:
                 self._done_asking(node)
+            elif self._looks[node] < self._ask_at[node]:
+                continue
             elif listing.service_is_ready() and getting.service_is_ready():
+                self._ask_at[node] = self._looks[node] + ASK_EVERY
                 listing.call_async(ListParameters.Request()).add_done_callback(
                     lambda future, node=node: self._take_names(node, future)
                 )
@@ -188,7 +195,7 @@ class BagRecorderNode(TractionNode):
         found = map(parameter_value_to_python, future.result().values)
         values = {name: _plain(value) for name, value in zip(names, found, strict=True)}
         # Its clients go with the next look: this is called by one of them.
-        self._asked[node] = MOST_ATTEMPTS
+        self._looks[node] = MOST_LOOKS
         self._to_say[f'parameters {node}'] = _yaml(values)
 
     def _note_changes(self, event):
