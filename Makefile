@@ -4,7 +4,7 @@ PYTHON ?=
 STEPS := benchmarks/controller_step.py benchmarks/estimator_step.py
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test verify evaluate bench nightly lint bags clean
+.PHONY: help setup demo test faults verify evaluate bench nightly lint bags clean
 
 help:  ## Show this list
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' Makefile | expand -t 16
@@ -17,6 +17,9 @@ demo: setup  ## Drive onto a soft patch without and with control; table, picture
 
 test: setup  ## Run every test
 	@.venv/bin/python -m pytest
+
+faults: setup  ## Put 45 faults into the running suite, measure what it makes of them: docs/safety.md
+	@.venv/bin/python tools/faults.py
 
 verify: setup  ## Compare the model with Chrono, the paper and wheel tests: docs/verification.md
 	@.venv/bin/python tools/verify.py

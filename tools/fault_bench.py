@@ -25,6 +25,7 @@ from traction_bringup.system import NodeSpec, system
 from traction_node.graph import NodeProcess, executable
 from traction_node.node import QOS
 from traction_node.topics import message_class, topic
+from tractor_io.bag import BagReader
 from tractor_io.can_interface import frame, free_port, open_bus
 from tractor_io.gate import REACTION_TIME
 from tractor_io.parameter_group import FrameError, tractor_groups
@@ -130,6 +131,9 @@ class _Bench:
         self.request: list[float] = []
         self.true_slip = 0.0
         self._settled_from = math.inf
+        # Measured torques, the newest and those before, N·m.
+        self.shaft = [0.0]
+        self.shaft_before = [0.0]
 
     def __enter__(self) -> Any:
         with contextlib.ExitStack() as stack:
@@ -158,6 +162,7 @@ class _Bench:
 
         def torque(message: Any) -> None:
             self.torque = list(message.effort)
+            self.torques.append(message)
             self.heard('wheel_torque', self.torque)
 
         def statuses(array: Any) -> None:
@@ -165,10 +170,16 @@ class _Bench:
             self.said.extend((now, status.name, status.message) for status in array.status)
 
         self.torque = [0.0]
+        # All that was heard, as it came.
+        self.torques: list[Any] = []
         probe.subscribe('wheel_torque', torque)
         probe.subscribe('torque_request', lambda m: setattr(self, 'request', list(m.effort)))
         probe.subscribe('ground_truth/slip_estimate', self._follow)
+        probe.subscribe('wheel_states', self._feel)
         probe.node.create_subscription(DiagnosticArray, '/diagnostics', statuses, QOS['reliable'])
+
+    def _feel(self, message: Any) -> None:
+        self.shaft_before, self.shaft = self.shaft, list(message.effort) or [0.0]
 
     def _follow(self, truth: Any) -> None:
         """Note since when slip is near its target."""
@@ -221,6 +232,15 @@ class _Bench:
             )
 
         self.probe.wait_for(passing, PATIENCE, 'tractor that drives')
+
+    def await_said(self, node: str, text: str) -> None:
+        """Wait until the newest that a node said begins to contain a text."""
+
+        def said() -> bool:
+            newest = [said for _, name, said in self.said if name == node][-1:]
+            return bool(newest) and text in newest[0]
+
+        self.probe.wait_for(said, PATIENCE, f'"{text}" from {node}')
 
     def healthy(self) -> bool:
         """Whether all is as it was before a fault, beside the torque."""
@@ -398,3 +418,23 @@ class BusBench(_Bench):
     def garble(self, name: str) -> can.Message:
         """One of our messages with too few bytes."""
         return frame(self._groups.identifier(name).bits, b'\x00\x01\x02')
+
+
+def recorded(bench: FaultBench, bag: Path) -> tuple[int, int]:
+    """End the recorder, and look for all torques that the bench heard.
+
+    Returns
+    -------
+    int, int
+        How many of them are in the bag, and how many there are.
+    """
+    bench.system.processes['bag_recorder'].interrupt()
+    with BagReader(bag) as reader:
+        kept = {_key(entry.message) for entry in reader.messages(['/wheel_torque'])}
+    heard = [_key(message) for message in bench.torques]
+    return sum(key in kept for key in heard), len(heard)
+
+
+def _key(message: Any) -> tuple[int, int, tuple[float, ...]]:
+    stamp = message.header.stamp
+    return stamp.sec, stamp.nanosec, tuple(float(torque) for torque in message.effort)
