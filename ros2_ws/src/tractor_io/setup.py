@@ -14,6 +14,8 @@ setup(
             'share/' + package_name + '/config',
             [
                 'config/can_bus.yaml',
+                'config/import_rover.yaml',
+                'config/import_t7165s.yaml',
                 'config/torque_gate.yaml',
                 'config/tractor.dbc',
             ],
