@@ -21,7 +21,7 @@ setup(
             ],
         ),
     ],
-    install_requires=['cantools', 'mcap', 'python-can', 'pyyaml', 'rosbags', 'zstandard'],
+    install_requires=['cantools', 'lz4', 'mcap', 'python-can', 'pyyaml', 'rosbags', 'zstandard'],
     zip_safe=False,
     maintainer='Traction-control suite maintainers',
     maintainer_email='maintainers@traction-control-suite.org',
