@@ -435,10 +435,16 @@ TABLE = 't,omega_fl,omega_fr,omega_rl,omega_rr,east,north,up\n' + ''.join(
     f'{0.1 * k:.1f},1.5,{k},2,3,0.1,{k},0\n' for k in range(20)
 )
 
+
+def load_sound_vehicle(path):
+    vehicle = load_vehicle(path)
+    assert np.all(np.isfinite(vehicle.static_loads()))
+
+
 YAML = {
     'soil': (13_000, SOILS, lambda p: load_soil(f'{p}:dry_sand')),
     'vehicle': (
-        10_000, (PRESETS / 'vehicles' / 'tractor_4wd.yaml').read_text(), load_vehicle,
+        10_000, (PRESETS / 'vehicles' / 'tractor_4wd.yaml').read_text(), load_sound_vehicle,
     ),
     'sweep': (4_000, SWEEP, read_sweep),
     'terrain': (3_000, TERRAIN, load_terrain),

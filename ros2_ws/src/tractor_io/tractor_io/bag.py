@@ -40,6 +40,9 @@ METADATA_VERSION = 9
 CHUNK_SIZE = 256 * 1024
 """Bytes, uncompressed, of one chunk of a written bag."""
 
+LARGEST_INTEGER = 2**63 - 1
+"""Largest time, ns, and largest depth of a queue."""
+
 MOST_HELD = 512 * 1024 * 1024
 """Bytes of chunks whose times overlap, all of which have to be held at once to sort them."""
 
@@ -268,12 +271,15 @@ class BagReader:
         self._reader.open()
         reader = self._reader
         _check_overlap(reader.storage)
+        for connection in reader.connections:
+            if not (isinstance(connection.topic, str) and connection.topic):
+                raise ValueError(f'a topic is named {_start_of(connection.topic)!r}')
         self.topics = {
             topic: _topic(info.connections) for topic, info in sorted(reader.topics.items())
         }
         # rosbags ends a bag one nanosecond after its last message.
         self.start = _integer(reader.start_time) if reader.message_count else 0
-        self.end = _integer(reader.end_time) - 1 if reader.message_count else 0
+        self.end = _integer(reader.end_time - 1) if reader.message_count else 0
         self.custom_data = self._custom_data()
 
     def _check_metadata(self) -> None:
@@ -483,9 +489,13 @@ def _check_complete(path: Path) -> None:
 
 
 def _integer(value: Any) -> int:
-    if not isinstance(value, int) or isinstance(value, bool):
-        raise ValueError(f'{str(value)[:60]!r} is no whole number')
+    if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= LARGEST_INTEGER:
+        raise ValueError(f'{_start_of(value)!r} is no whole number of 0 to {LARGEST_INTEGER}')
     return value
+
+
+def _start_of(value: Any) -> str:
+    return str(value)[:60]
 
 
 def _texts(custom: Any) -> dict[str, str]:
