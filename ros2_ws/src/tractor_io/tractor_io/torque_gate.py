@@ -65,7 +65,7 @@ class TorqueGateBehaviour:
         ),
         Parameter(
             'release_time',
-            0.08,
+            0.06,
             'time to go from there to the safe torque',
             unit='s',
             minimum=0.0,
