@@ -4,7 +4,7 @@ PYTHON ?=
 STEPS := benchmarks/controller_step.py benchmarks/estimator_step.py
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test verify evaluate bench nightly lint golden bags clean
+.PHONY: help setup demo test faults fuzz verify evaluate bench nightly lint golden bags clean
 
 help:  ## Show this list
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' Makefile | expand -t 16
@@ -18,6 +18,12 @@ demo: setup  ## Drive onto a soft patch without and with control; table, picture
 test: setup  ## Run every test; those with real processes after the others, which take all cores
 	@.venv/bin/python -m pytest -n 2 -m 'not process'; cores=$$?; \
 	.venv/bin/python -m pytest -m process && exit $$cores
+
+faults: setup  ## Put 45 faults into the running suite, measure what it makes of them: docs/safety.md
+	@.venv/bin/python tools/faults.py
+
+fuzz: setup  ## A million fuzzed CAN frames, 100,000 damaged bags, YAML and CSV files (test runs 1 %)
+	@TRACTION_FUZZ_SHARE=1 .venv/bin/python -m pytest -s --tb=short tests/test_fuzz.py
 
 verify: setup  ## Compare the model with Chrono, the paper and wheel tests: docs/verification.md
 	@.venv/bin/python tools/verify.py

@@ -25,6 +25,7 @@ from traction_bringup.system import NodeSpec, system
 from traction_node.graph import NodeProcess, executable
 from traction_node.node import QOS
 from traction_node.topics import message_class, topic
+from tractor_io.bag import BagReader
 from tractor_io.can_interface import frame, free_port, open_bus
 from tractor_io.gate import REACTION_TIME
 from tractor_io.parameter_group import FrameError, tractor_groups
@@ -48,7 +49,7 @@ SETTLED_BAND = 0.05
 SETTLED_TIME = 0.5
 """How long it has to be, before a fault, s."""
 
-LOOK = 0.3
+LOOK = 0.2
 """How long torques are watched after a fault has been told of, s."""
 
 PATIENCE = 15.0
@@ -116,6 +117,14 @@ class Row:
         """Part and hazard."""
         return f'{self.part}: {self.hazard}'
 
+    @property
+    def at_speed(self) -> bool:
+        """Whether the tractor has to be at speed, with its slip settled, before the fault.
+
+        Where slip is judged; and a tenth of a speed near standstill is no fault that shows.
+        """
+        return self.part == 'Tachometer' or 'true slip' in self.safe
+
 
 class _Bench:
     """The suite as processes, driving; a context manager."""
@@ -130,6 +139,9 @@ class _Bench:
         self.request: list[float] = []
         self.true_slip = 0.0
         self._settled_from = math.inf
+        # Measured torques, the newest and those before, N·m.
+        self.shaft = [0.0]
+        self.shaft_before = [0.0]
 
     def __enter__(self) -> Any:
         with contextlib.ExitStack() as stack:
@@ -141,6 +153,8 @@ class _Bench:
         try:
             self.start(driver.name)
             self.await_driving()
+            # From here on all is recorded: everybody has found everybody.
+            self.torques.clear()
         except BaseException:
             self._stack.close()
             raise
@@ -158,6 +172,7 @@ class _Bench:
 
         def torque(message: Any) -> None:
             self.torque = list(message.effort)
+            self.torques.append(message)
             self.heard('wheel_torque', self.torque)
 
         def statuses(array: Any) -> None:
@@ -165,10 +180,16 @@ class _Bench:
             self.said.extend((now, status.name, status.message) for status in array.status)
 
         self.torque = [0.0]
+        # All that was heard, as it came.
+        self.torques: list[Any] = []
         probe.subscribe('wheel_torque', torque)
         probe.subscribe('torque_request', lambda m: setattr(self, 'request', list(m.effort)))
         probe.subscribe('ground_truth/slip_estimate', self._follow)
+        probe.subscribe('wheel_states', self._feel)
         probe.node.create_subscription(DiagnosticArray, '/diagnostics', statuses, QOS['reliable'])
+
+    def _feel(self, message: Any) -> None:
+        self.shaft_before, self.shaft = self.shaft, list(message.effort) or [0.0]
 
     def _follow(self, truth: Any) -> None:
         """Note since when slip is near its target."""
@@ -208,19 +229,29 @@ class _Bench:
 
     # Faults
 
-    def await_driving(self) -> None:
-        """Wait until the tractor drives and commands pass."""
+    def await_driving(self, settled: bool = False) -> None:
+        """Wait until the tractor drives and commands pass, and slip is settled if need be."""
 
         def passing() -> bool:
             newest = [text for _, node, text in self.said if node == 'torque_gate'][-1:]
             return (
                 bool(newest)
                 and newest[0].startswith(('passing', 'limited'))
-                and time.monotonic() - self._settled_from > SETTLED_TIME
+                and self.torque[-1] > DRIVING
+                and (not settled or time.monotonic() - self._settled_from > SETTLED_TIME)
                 and self.healthy()
             )
 
         self.probe.wait_for(passing, PATIENCE, 'tractor that drives')
+
+    def await_said(self, node: str, text: str) -> None:
+        """Wait until the newest that a node said begins to contain a text."""
+
+        def said() -> bool:
+            newest = [said for _, name, said in self.said if name == node][-1:]
+            return bool(newest) and text in newest[0]
+
+        self.probe.wait_for(said, PATIENCE, f'"{text}" from {node}')
 
     def healthy(self) -> bool:
         """Whether all is as it was before a fault, beside the torque."""
@@ -236,7 +267,7 @@ class _Bench:
             If nobody tells of it, the tractor does not drive on afterwards, or outputs never
             get safe.
         """
-        self.await_driving()
+        self.await_driving(row.at_speed)
         self.outputs.clear()
         self.said.clear()
         self._row = row
@@ -398,3 +429,23 @@ class BusBench(_Bench):
     def garble(self, name: str) -> can.Message:
         """One of our messages with too few bytes."""
         return frame(self._groups.identifier(name).bits, b'\x00\x01\x02')
+
+
+def recorded(bench: FaultBench, bag: Path) -> tuple[int, int]:
+    """End the recorder, and look for all torques that the bench heard.
+
+    Returns
+    -------
+    int, int
+        How many of them are in the bag, and how many there are.
+    """
+    bench.system.processes['bag_recorder'].interrupt()
+    with BagReader(bag) as reader:
+        kept = {_key(entry.message) for entry in reader.messages(['/wheel_torque'])}
+    heard = [_key(message) for message in bench.torques]
+    return sum(key in kept for key in heard), len(heard)
+
+
+def _key(message: Any) -> tuple[int, int, tuple[float, ...]]:
+    stamp = message.header.stamp
+    return stamp.sec, stamp.nanosec, tuple(float(torque) for torque in message.effort)

@@ -126,7 +126,7 @@ def _stuck_wheels(*wheels: int) -> Callable[[], Fault]:
 
 
 def _jumping_wheels() -> Fault:
-    factors = itertools.cycle([1.0, 4.0, 0.3, 2.5])
+    factors = itertools.cycle([4.0, 1.0, 0.3, 2.5])
 
     def spoil(message: Any) -> Iterable[Any]:
         factor = next(factors)
@@ -289,7 +289,7 @@ def _by_gate(hazard: str, detection: str, fault: Callable[[], Fault]) -> Row:
 
 _TACHOMETERS = (
     _by_gate('lost', 'estimator and controller silent; gate: `timeout`', _lost),
-    _tachometer('all stuck', _SAME, 'is stuck', _stuck_wheels(*_FOUR), safe=_THEN_NONE,
+    _tachometer('all stuck', _SAME, 'are stuck', _stuck_wheels(*_FOUR), safe=_THEN_NONE,
                 is_safe=_no_more),
     _tachometer('one stuck', _SAME, "'rl' is stuck", _stuck_wheels(2), safe=_THEN_NONE,
                 is_safe=_no_more),
@@ -307,8 +307,8 @@ _TACHOMETERS = (
 _STAMPS = (
     Row('Tachometer', 'stamped in the past',
         'estimator: time runs backwards, starts anew; gate: commands older than the last',
-        NO_MORE, 'torque_gate', 'older than the last', *_fault('wheel_states', fault=_later(-1)),
-        _no_more),
+        NO_MORE, 'slip_estimator', 'off the wheels in time',
+        *_fault('wheel_states', fault=_later(-1)), _no_more),
     Row('Tachometer', 'stamped in the future', 'estimator: a gap in time, starts anew', NO_MORE,
         'slip_estimator', 'off the wheels in time', *_fault('wheel_states', fault=_later(1)),
         _no_more),

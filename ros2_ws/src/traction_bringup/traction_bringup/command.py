@@ -16,7 +16,7 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
-bag_app = typer.Typer(help='Look into bags, repair and cut them.', no_args_is_help=True)
+bag_app = typer.Typer(help='Look into bags, import, repair and cut them.', no_args_is_help=True)
 app.add_typer(bag_app, name='bag')
 console = Console()
 
@@ -340,6 +340,37 @@ def cut(
     counts = cut_bag(bag, output, start, end, topics or ())
     console.print(f'{sum(counts.values())} messages on {len(counts)} topics', highlight=False)
     console.print(f'bag      {output}', soft_wrap=True)
+
+
+@bag_app.command('import-csv')
+def import_csv(
+    file: Annotated[Path, typer.Argument(help='CSV file, its first line the column names.')],
+    csv_map: Annotated[
+        str,
+        typer.Option(
+            '--map', help='YAML map of the columns, or one shipped: import_t7165s, import_rover.'
+        ),
+    ],
+    output: Annotated[Path, typer.Option('--output', '-o', help='Folder of the new bag.')],
+) -> None:
+    """Turn a CSV file into a bag, in SI units."""
+    from tractor_io.csv_import import find_map
+    from tractor_io.csv_import import import_csv as run_import
+
+    with Progress(console=console, transient=True) as progress:
+        task = progress.add_task(f'importing {file.name}', total=1.0)
+        found = run_import(
+            file,
+            find_map(csv_map),
+            output,
+            lambda share: progress.update(task, completed=share),
+        )
+    console.print(
+        f'{sum(found.counts.values())} messages on {len(found.counts)} topics from {found.rows} '
+        f'rows over {1e-9 * (found.end - found.start):.3f} s',
+        soft_wrap=True, highlight=False,
+    )  # fmt: skip
+    console.print(f'bag      {found.path}', soft_wrap=True)
 
 
 def main() -> int:

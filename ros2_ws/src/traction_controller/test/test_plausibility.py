@@ -81,6 +81,13 @@ def test_stuck_tachometer_is_told_after_its_time(drive):
     assert drive.last(30) == ''
 
 
+def test_all_tachometers_stuck_are_told_of_sooner(drive):
+    told = [drive.read(stuck=(0, 1, 2, 3)) for _ in range(20)]
+    assert told[4] == ''
+    assert told[5] == 'speeds of all wheels are stuck'
+    assert Drive(stuck_time=0.0).last(20, stuck=(0, 1, 2, 3)) == ''
+
+
 def test_pulses_and_standing_wheels_repeat_themselves():
     counted = Drive(tachometer_pulses=60.0)
     assert counted.last(100, stuck=(0, 1, 2, 3)) == ''

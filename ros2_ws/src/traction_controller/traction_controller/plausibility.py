@@ -81,6 +81,9 @@ class Plausibility:
     # Readings that have to be the same, at the least: a bus has steps of 1 mm/s, which two of them
     # share now and then.
     _STUCK_READINGS = 8
+    # The same of all tachometers at once, which is never chance; but some buses repeat five times
+    # what they measure ten times a second.
+    _ALL_STUCK_READINGS = 6
 
     def __init__(
         self,
@@ -179,6 +182,17 @@ class Plausibility:
                 and constancy.others_changed
             ):
                 return f"speed of wheel '{name}' is stuck"
+        if (
+            self._stuck_time < math.inf
+            and not self._pulse
+            and max(abs(r * w) for r, w in zip(self._radii, omega, strict=True))
+            >= self._least_speed
+            and all(
+                constancy.readings >= self._ALL_STUCK_READINGS and constancy.others_changed
+                for constancy in self._wheels
+            )
+        ):
+            return 'speeds of all wheels are stuck'
         return ''
 
     def _back(self, t: float, omega: Sequence[float]) -> bool:

@@ -220,9 +220,14 @@ class SlipEstimatorBehaviour:
         self.subscription('gnss', self._on_gnss)
 
     def _start_over(self):
-        """Estimate anew; the distance travelled so far and calibrated radii stay."""
+        """Estimate anew; the distance travelled so far and calibrated radii stay.
+
+        Where that happens on the move, slip is not valid until a speed over ground comes or the
+        vehicle stands: without them, slip would be taken for speed.
+        """
         self._estimation.reset()
         self._plausibility.reset()
+        self._on_the_move = False
         self._calibration.restart()
         self._track.reset()
         self._immobilisation.reset()
@@ -250,6 +255,7 @@ class SlipEstimatorBehaviour:
                 f'time jumped back by {self._estimation.t - t:.3f} s: estimating anew'
             )
             self._start_over()
+            self._on_the_move = True
         # A copy: the message may be reused.
         self._epoch = type(stamp)(sec=stamp.sec, nanosec=stamp.nanosec)
         return 0.0
@@ -264,6 +270,8 @@ class SlipEstimatorBehaviour:
             t = self._time(message.header.stamp)
             v = estimation.v if estimation.v_valid else math.nan
             self._plausibility.wheels(t, omega, torque, v)
+            if estimation.t is not None and t - estimation.t > estimation.LONGEST_GAP:
+                self._on_the_move = True
             estimation.wheel_states(t, omega, torque)
         except ValueError as error:
             self._refuse('wheel_states', error)
@@ -276,15 +284,20 @@ class SlipEstimatorBehaviour:
             self._travel(t)
             self._watch(t, np.array(omega), np.array(torque))
 
+        if (
+            estimation.source is not Source.WHEEL
+            or np.abs(estimation.rim_speed).max() < self.p.least_speed
+        ):
+            self._on_the_move = False
         slip = self._slip
         slip.header.stamp = message.header.stamp
         slip.slip = estimation.slip.tolist()
         slip.slip_variance = estimation.slip_variance.tolist()
-        slip.valid = estimation.valid.tolist()
+        slip.valid = [not self._on_the_move and valid for valid in estimation.valid.tolist()]
         slip.wheel_based_speed = estimation.rim_speed.tolist()
         slip.ground_based_speed = estimation.v
         slip.ground_based_speed_variance = estimation.v_variance
-        slip.ground_based_speed_valid = estimation.v_valid
+        slip.ground_based_speed_valid = estimation.v_valid and not self._on_the_move
         slip.source = int(estimation.source)
         slip.thrust = estimation.thrust.tolist()
         slip.slip_stiffness = estimation.slip_stiffness.tolist()

@@ -68,6 +68,8 @@ def define(tmp_path):
         ({'sampling': 'halton'}, "sampling: Input should be 'random', 'latin_hypercube' or"),
         ({'grade_deg': 50}, 'grade_deg: Input should be less than or equal to 45'),
         ({'vary': {}}, 'vary: Dictionary should have at least 1 item'),
+        ({'vary': {'soil': {'relative': 1}}}, 'vary.soil'),
+        ({'vary': {'cohesion': {'relative': 1}}}, 'no such quantity'),
         ({'vary': {'soil.cohesoin': {'relative': 1}}}, r"no such quantity.*mean 'soil\.cohesion'"),
         ({'vary': {'soil.friction_angle': {'relative': 0.1}}}, "as 'soil.friction_angle_deg'"),
         ({'vary': {'soil.unit_weight': {'relative': 0.1}}}, 'the soil has no such number'),

@@ -95,6 +95,7 @@ def test_three_axles():
         ('[rear]', 'rear', "axles.1.wheel_names: Input should be a list, got 'rear'"),
         ('x: 0\n', 'x: 2.0\n', ': two axles have the same x'),
         ('chassis_cg_x: 1.0', 'chassis_cg_x: 2.5', 'the centre of gravity lifts a wheel at rest'),
+        ('chassis_cg_x: 1.0', 'chassis_cg_x: 1.0e+308', 'masses and positions are too large'),
     ],
 )  # fmt: skip
 def test_fault_is_named_with_file_and_key(tmp_path, old, new, reason):

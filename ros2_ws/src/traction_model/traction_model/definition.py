@@ -9,6 +9,18 @@ from typing import Any, TypeVar
 import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+LONGEST_TEXT = 16 * 1024 * 1024
+"""Characters of a file, more are refused."""
+
+LONGEST_SCALAR = 3000
+"""Characters of an unquoted value: longer numbers cannot be written out again."""
+
+DEEPEST = 32
+"""Levels of lists and mappings in one another, more are refused."""
+
+MOST_VALUES = 1_000_000
+"""Values of a file once its aliases are written out."""
+
 LONGEST = 60
 """Characters of a wrong value that an error shows."""
 
@@ -61,14 +73,18 @@ def read_text(path: Path) -> str:
     Raises
     ------
     DefinitionError
-        If the file is missing or is not text.
+        If the file is missing, is not text or too long.
     """
     try:
-        return path.read_text(encoding='utf-8-sig')
+        with path.open(encoding='utf-8-sig') as file:
+            text = file.read(LONGEST_TEXT + 1)
     except OSError as error:
         raise DefinitionError(f'{path}: {error.strerror}') from error
     except UnicodeDecodeError as error:
         raise DefinitionError(f'{path}: not text: {error}') from error
+    if len(text) > LONGEST_TEXT:
+        raise DefinitionError(f'{path}: more than {LONGEST_TEXT} characters')
+    return text
 
 
 def read_yaml(path: Path, kind: type = dict) -> Any:
@@ -93,13 +109,61 @@ def read_yaml(path: Path, kind: type = dict) -> Any:
     """
     try:
         # The parser in C where there is one: gain tables hold tens of thousands of numbers.
-        content = yaml.load(read_text(path), getattr(yaml, 'CSafeLoader', yaml.SafeLoader))
+        loader = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
+        text = read_text(path)
+        _check_limits(path, text, loader)
+        content = yaml.load(text, loader)
+    except DefinitionError:
+        raise
     except yaml.YAMLError as error:
         raise DefinitionError(f'{path}: not valid YAML: {error}') from error
+    except Exception as error:
+        # Values that their own tag does not fit surface as KeyError, IndexError and others.
+        raise DefinitionError(
+            f'{path}: not valid YAML: a value cannot be read: {error!r}'
+        ) from error
     if not isinstance(content, kind):
         wanted = 'mapping' if kind is dict else kind.__name__
         raise DefinitionError(f'{path}: expected a {wanted}, found {type(content).__name__}')
     return content
+
+
+def _check_limits(path: Path, text: str, loader: Any) -> None:
+    """Walk the text event by event, which takes no memory, before anything is built.
+
+    Aliases count as what they stand for: a few that repeat one another would grow without end
+    where they are written out, and one within itself has no end.
+    """
+    sizes: dict[str, int | None] = {}
+    # Of every list and mapping around: its anchor, and the values before it.
+    around: list[tuple[str | None, int]] = []
+    count = 0
+    for event in yaml.parse(text, loader):
+        where = f'{path}: line {event.start_mark.line + 1 if event.start_mark else "?"}'
+        if isinstance(event, yaml.AliasEvent):
+            size = sizes.get(event.anchor or '', 1)
+            if size is None:
+                raise DefinitionError(f'{where}: *{event.anchor} stands within itself')
+            count += size
+        elif isinstance(event, yaml.ScalarEvent):
+            if event.style in (None, '') and len(event.value) > LONGEST_SCALAR:
+                raise DefinitionError(f'{where}: value of more than {LONGEST_SCALAR} characters')
+            count += 1
+            if event.anchor:
+                sizes[event.anchor] = 1
+        elif isinstance(event, yaml.CollectionStartEvent):
+            around.append((event.anchor, count))
+            count += 1
+            if event.anchor:
+                sizes[event.anchor] = None
+            if len(around) > DEEPEST:
+                raise DefinitionError(f'{where}: nested deeper than {DEEPEST} levels')
+        elif isinstance(event, yaml.CollectionEndEvent):
+            anchor, before = around.pop()
+            if anchor:
+                sizes[anchor] = count - before
+        if count > MOST_VALUES:
+            raise DefinitionError(f'{where}: more than {MOST_VALUES} values')
 
 
 def build(model: type[Model], content: Any, where: str) -> Model:

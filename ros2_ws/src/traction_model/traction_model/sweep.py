@@ -571,8 +571,8 @@ def _unknown(name: str, known: Iterable[str]) -> str:
         return f'there are several; name one of {", ".join(numbered)}'
     if f'{name}_deg' in names:
         return f"give it in degrees, as '{name}_deg'"
-    first, *_, last = name.split('.')
-    if first == 'soil' and last in Soil.model_fields:
+    first, *rest = name.split('.')
+    if first == 'soil' and rest and rest[-1] in Soil.model_fields:
         return 'the soil has no such number, so nothing that could vary'
     return f'there is no such quantity{closest(name, names)}'
 

@@ -71,7 +71,12 @@ class Vehicle(Definition):
         positions = [axle.x for axle in self.axles]
         if len(set(positions)) != len(positions):
             raise ValueError('two axles have the same x')
-        if np.any(self.static_loads() <= 0):
+        # Masses and lengths near the largest floats.
+        with np.errstate(all='ignore'):
+            loads = self.static_loads()
+        if not np.all(np.isfinite(loads)):
+            raise ValueError('its masses and positions are too large: the wheels have no load')
+        if np.any(loads <= 0):
             raise ValueError('the centre of gravity lifts a wheel at rest')
         return self
 

@@ -225,12 +225,12 @@ class _Suite:
         return subscription
 
     def service(self, name, type_name, callback):
-        """Service of the node, in its own namespace: `name` of `torque_gate` is `torque_gate/name`.
+        """Service of the node, such as `torque_gate/emergency_stop`.
 
         Parameters
         ----------
         name : str
-            Name below that of the node.
+            Name below that of the node, such as 'emergency_stop'.
         type_name : str
             Such as 'std_srvs/srv/SetBool'.
         callback : callable

@@ -269,3 +269,22 @@ def test_writer_refuses_what_it_does_not_know(tmp_path):
             bag.add_topic('/z', JOINT_STATE)
         with pytest.raises(BagError, match='message for /z at 0 ns does not fit its type'):
             bag.write('/z', 0, slip_estimate(0, 0.1))
+
+
+@pytest.mark.parametrize(
+    ('old', 'new', 'reason'),
+    [
+        ('name: /wheel_states', "name: ''", "a topic is named ''"),
+        ('nanoseconds: ', f'nanoseconds: {10**400} #', 'is no whole number of 0 to'),
+        ('depth: 5', 'depth: x', "'x' is no whole number"),
+        ('version: 9', f'version: 9\nx: {50 * "["}{50 * "]"}', 'nested deeper than 32 levels'),
+        ('version: 9', 'version: &v 9\nx: *v', 'aliases'),
+    ],
+)
+def test_damaged_metadata_is_one_error(tmp_path, old, new, reason):
+    path = write_bag(tmp_path / 'bag') / 'metadata.yaml'
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+    with pytest.raises(BagError, match=reason):
+        BagReader(tmp_path / 'bag')

@@ -15,7 +15,7 @@ from typing import Any, BinaryIO, NamedTuple, Self
 
 import yaml
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
-from mcap.reader import make_reader
+from mcap.reader import SeekingReader
 from mcap.writer import Writer as McapWriter
 from rosbags.interfaces import (
     Connection,
@@ -29,6 +29,9 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
+from tractor_io.mcap_limits import LARGEST_RECORD, BoundedFile, limit_rosbags
+from tractor_io.plain_yaml import LONGEST_TEXT, load_plain_yaml
+
 INTERFACES = 'traction_interfaces'
 
 METADATA_VERSION = 9
@@ -37,6 +40,12 @@ METADATA_VERSION = 9
 CHUNK_SIZE = 256 * 1024
 """Bytes, uncompressed, of one chunk of a written bag."""
 
+LARGEST_INTEGER = 2**63 - 1
+"""Largest time, ns, and largest depth of a queue."""
+
+MOST_HELD = 512 * 1024 * 1024
+"""Bytes of chunks whose times overlap, all of which have to be held at once to sort them."""
+
 CUSTOM_DATA = 'traction_custom_data'
 """Name of the metadata records of a bag that keep what is said about it; the last one counts."""
 
@@ -44,6 +53,8 @@ MCAP_MAGIC = b'\x89MCAP0\r\n'
 
 # RMW_DURATION_INFINITE: how rosbag2 writes a deadline, lifespan or lease that is not set.
 INFINITE = {'sec': 9223372036, 'nsec': 854775807}
+
+limit_rosbags()
 
 
 class BagError(ValueError):
@@ -247,16 +258,34 @@ class BagReader:
                 _check_complete(part)
         self._interfaces = interfaces
         self._store: Typestore | None = None
+        if self.path.is_dir():
+            self._attempt(self._check_metadata)
         self._reader = self._attempt(lambda: Reader(self.path))
-        self._attempt(self._reader.open)
+        try:
+            self._attempt(self._open)
+        except BagError:
+            self.close()
+            raise
+
+    def _open(self) -> None:
+        self._reader.open()
         reader = self._reader
+        _check_overlap(reader.storage)
+        for connection in reader.connections:
+            if not (isinstance(connection.topic, str) and connection.topic):
+                raise ValueError(f'a topic is named {_start_of(connection.topic)!r}')
         self.topics = {
             topic: _topic(info.connections) for topic, info in sorted(reader.topics.items())
         }
         # rosbags ends a bag one nanosecond after its last message.
-        self.start = reader.start_time if reader.message_count else 0
-        self.end = reader.end_time - 1 if reader.message_count else 0
-        self.custom_data = self._attempt(self._custom_data)
+        self.start = _integer(reader.start_time) if reader.message_count else 0
+        self.end = _integer(reader.end_time - 1) if reader.message_count else 0
+        self.custom_data = self._custom_data()
+
+    def _check_metadata(self) -> None:
+        """Read metadata.yaml within limits, before rosbags does without."""
+        with (self.path / 'metadata.yaml').open(encoding='utf-8') as file:
+            load_plain_yaml(file.read(LONGEST_TEXT + 1))
 
     def __enter__(self) -> Self:
         return self
@@ -416,13 +445,15 @@ class BagReader:
 
     def _custom_data(self) -> dict[str, str]:
         if self.path.is_dir():
-            return dict(self._reader.storage.metadata.custom or {})
+            return _texts(self._reader.storage.metadata.custom)
         if self.path.suffix == '.mcap':
             with self.path.open('rb') as file:
-                for record in make_reader(file).iter_metadata():
+                bounded: Any = BoundedFile(file)
+                reader = SeekingReader(bounded, record_size_limit=LARGEST_RECORD)
+                for record in reader.iter_metadata():
                     if record.name == 'rosbag2':
-                        metadata = yaml.safe_load(record.metadata['serialized_metadata'])
-                        return dict(metadata.get('custom_data') or {})
+                        metadata = load_plain_yaml(record.metadata['serialized_metadata'])
+                        return _texts(metadata.get('custom_data'))
         return {}
 
     def _attempt(self, action: Callable[[], Any]) -> Any:
@@ -457,6 +488,34 @@ def _check_complete(path: Path) -> None:
         )
 
 
+def _integer(value: Any) -> int:
+    if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= LARGEST_INTEGER:
+        raise ValueError(f'{_start_of(value)!r} is no whole number of 0 to {LARGEST_INTEGER}')
+    return value
+
+
+def _start_of(value: Any) -> str:
+    return str(value)[:60]
+
+
+def _texts(custom: Any) -> dict[str, str]:
+    return {str(key): str(value) for key, value in dict(custom or {}).items()}
+
+
+def _check_overlap(storage: Any) -> None:
+    """Refuse chunks that all have to be unpacked at once, as bags of recorders never are."""
+    for each in getattr(storage, 'storages', [storage]):
+        edges = []
+        for chunk in getattr(each, 'chunks', ()):
+            edges.append((chunk.message_start_time, chunk.uncompressed_size))
+            edges.append((chunk.message_end_time + 1, -chunk.uncompressed_size))
+        held = 0
+        for _, size in sorted(edges):
+            held += size
+            if held > MOST_HELD:
+                raise ValueError(f'chunks of one time claim more than {MOST_HELD} bytes')
+
+
 def _topic(connections: Sequence[Connection]) -> Topic:
     first = connections[0]
     count = sum(connection.msgcount for connection in connections)
@@ -471,7 +530,7 @@ def _topic(connections: Sequence[Connection]) -> Topic:
     qos = Qos(
         reliable=all(p.reliability != QosReliability.BEST_EFFORT for p in profiles),
         latched=all(p.durability == QosDurability.TRANSIENT_LOCAL for p in profiles),
-        depth=max(profile.depth for profile in profiles),
+        depth=max(_integer(profile.depth) for profile in profiles),
     )
     return Topic(first.msgtype, count, qos)
 

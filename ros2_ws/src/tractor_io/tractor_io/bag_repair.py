@@ -9,15 +9,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
-import yaml
-from mcap.records import Channel, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader
+from mcap.records import Channel, Chunk, McapRecord, Message, Metadata, Schema
+from mcap.stream_reader import StreamReader, breakup_chunk
 
 from tractor_io.bag import CUSTOM_DATA, BagError, BagReader, BagWriter, Definition, Qos
-
-LARGEST_RECORD = 64 * 1024 * 1024
-"""Bytes of a record above which the file is taken to be damaged there."""
+from tractor_io.mcap_limits import LARGEST_RECORD, BoundedFile, unpack
+from tractor_io.plain_yaml import load_plain_yaml
 
 
 @dataclass(frozen=True)
@@ -168,8 +167,14 @@ class _Records:
 
     def _messages(self) -> Iterator[tuple[str, Message]]:
         with self._path.open('rb') as file:
-            reader = StreamReader(file, validate_crcs=True, record_size_limit=LARGEST_RECORD)
-            records = iter(reader.records)
+            bounded: Any = BoundedFile(file)
+            reader = StreamReader(
+                bounded,
+                emit_chunks=True,
+                validate_crcs=True,
+                record_size_limit=LARGEST_RECORD,
+            )
+            records = _unpacked(reader.records)
             while True:
                 try:
                     record = next(records, None)
@@ -209,14 +214,25 @@ class _Records:
         return definition, _qos(channel.metadata)
 
 
+def _unpacked(records: Iterator[McapRecord]) -> Iterator[McapRecord]:
+    """Records of a file, with those of its chunks in their place."""
+    for record in records:
+        if isinstance(record, Chunk):
+            record.data = unpack(record.data, record.compression, record.uncompressed_size)
+            record.compression = ''
+            yield from breakup_chunk(record, validate_crc=True)
+        else:
+            yield record
+
+
 def _qos(metadata: Mapping[str, str]) -> Qos:
     """Quality of service as a channel says it, or the usual one."""
     try:
-        (profile, *_) = yaml.safe_load(metadata.get('offered_qos_profiles', '')) or [{}]
+        (profile, *_) = load_plain_yaml(metadata.get('offered_qos_profiles', '')) or [{}]
         return Qos(
             reliable=profile.get('reliability', 'reliable') != 'best_effort',
             latched=profile.get('durability') == 'transient_local',
             depth=int(profile.get('depth', 10)),
         )
-    except (yaml.YAMLError, TypeError, ValueError, AttributeError):
+    except (TypeError, ValueError, OverflowError, AttributeError):
         return Qos()

@@ -174,7 +174,9 @@ class TorqueGateBehaviour:
         """
         gate = self._gate
         level = WARN if gate.limiting else LEVELS[gate.state]
-        worse = level > self._told_level
+        worse = level > self._told_level or (
+            gate.state is State.HOLDING and self._told_state is State.PASSING
+        )
         recovered = gate.state is State.PASSING and self._told_state not in (
             State.PASSING,
             State.HOLDING,

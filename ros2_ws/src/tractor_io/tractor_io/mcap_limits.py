@@ -1,0 +1,120 @@
+"""Limits of what a file of a bag may claim: sizes of records, and what chunks unpack to.
+
+A few bytes can claim 2^60, and a chunk of some kilobytes unpack to gigabytes. The libraries that
+read bags take both at their word; here they are held to what recorders really write.
+"""
+
+from types import SimpleNamespace
+from typing import Any, BinaryIO
+
+import lz4.frame
+import zstandard
+from rosbags.rosbag2 import reader, storage_mcap
+
+LARGEST_RECORD = 64 * 1024 * 1024
+"""Bytes of a record, or of what a chunk unpacks to, above which a file is taken to be damaged."""
+
+
+class BoundedFile:
+    """A file to read of which no more than a record is asked for at once.
+
+    Parameters
+    ----------
+    file : file object
+        Opened for reading, binary.
+    """
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self.seek = file.seek
+        self.tell = file.tell
+
+    def read(self, size: int = -1) -> bytes:
+        """Read some bytes.
+
+        Parameters
+        ----------
+        size : int
+            Their number, at most `LARGEST_RECORD`; below 0: no more than that.
+
+        Returns
+        -------
+        bytes
+            Fewer at the end of the file.
+
+        Raises
+        ------
+        ValueError
+            If more are asked for.
+        """
+        if size > LARGEST_RECORD:
+            raise ValueError(f'{size} bytes are claimed, more than {LARGEST_RECORD}')
+        return self._file.read(LARGEST_RECORD if size < 0 else size)
+
+
+def unpack(data: bytes, compression: str, size: int) -> bytes:
+    """Unpack a chunk, no further than the size it is to have.
+
+    Parameters
+    ----------
+    data : bytes
+        The chunk as it is in the file.
+    compression : str
+        ``zstd``, ``lz4`` or nothing.
+    size : int
+        Bytes it is to have.
+
+    Returns
+    -------
+    bytes
+        At most one more, which shows that it has too many.
+
+    Raises
+    ------
+    ValueError
+        If the size is above `LARGEST_RECORD`, or the compression is not known.
+    """
+    if size > LARGEST_RECORD:
+        raise ValueError(f'a chunk claims {size} bytes, more than {LARGEST_RECORD}')
+    if not compression:
+        return data
+    if compression == 'lz4':
+        return bytes(lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1))
+    if compression != 'zstd':
+        raise ValueError(f"unknown compression '{compression[:60]}'")
+    return _unzstd(data, size + 1)
+
+
+def _unzstd(data: bytes, most: int) -> bytes:
+    window = zstandard.ZstdDecompressor(max_window_size=LARGEST_RECORD)
+    with window.stream_reader(data, read_across_frames=True) as stream:
+        return bytes(stream.read(most))
+
+
+def _message(data: bytes) -> bytes:
+    """A message that was compressed by itself."""
+    found = _unzstd(data, LARGEST_RECORD + 1)
+    if len(found) > LARGEST_RECORD:
+        raise ValueError(f'a message unpacks to more than {LARGEST_RECORD} bytes')
+    return found
+
+
+def _read_exact(bio: BinaryIO, size: int) -> bytes:
+    """Read from a file or a chunk, never more than a record."""
+    at = bio.tell()
+    found = BoundedFile(bio).read(size)
+    if len(found) != size:
+        raise ValueError(f'cut short at byte {at}: {size} bytes expected, {len(found)} found')
+    return found
+
+
+def limit_rosbags() -> None:
+    """Make rosbags read and unpack by these limits; it has none of its own."""
+    # Its own one would take room for whatever is claimed.
+    storage_mcap.read_exact = _read_exact
+    storage_mcap.DECOMPRESSORS.update(
+        zstd=lambda data, size: unpack(data, 'zstd', size),
+        lz4=lambda data, size: unpack(data, 'lz4', size),
+    )
+    bounded: Any = SimpleNamespace(open=reader.zstd.open, decompress=_message)
+    reader.zstd = bounded
