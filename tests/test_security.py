@@ -9,7 +9,6 @@ from traction_bringup.system import config, system
 from traction_node.graph import NodeProcess, Probe, executable
 from traction_node.topics import topics
 from tractor_io.bag import BagWriter
-from tractor_io.bag_player_node import COMMANDS
 from tractor_io.can_interface import free_port
 
 PARAMETER_SERVICES = ('get_parameters', 'list_parameters')
@@ -97,11 +96,10 @@ def test_the_recorder_alone_asks_and_for_parameters_alone(graph):
         assert done['request'] <= POLICY[name].get('request', set())
 
 
-def test_policy_of_the_player_is_all_but_torques(tmp_path):
+def test_policy_of_the_player_is_all_that_it_plays_without_being_told(tmp_path):
     path = tmp_path / 'bag'
-    suite = {name: row for name, row in topics().items() if f'/{name}' not in COMMANDS}
     with BagWriter(path) as bag:
-        for name, row in suite.items():
+        for name, row in topics().items():
             bag.add_topic(f'/{name.lstrip("/")}', row.type)
     parameters = {'bag': path, 'clock': True, 'loop': True, 'wait_for_subscribers': 60.0}
     with (

@@ -1,5 +1,6 @@
 """CAN bridge node: bus to `wheel_states` and `radar`, `wheel_torque` to the engine's limit."""
 
+import collections
 import threading
 import time
 
@@ -157,6 +158,8 @@ class CanBridgeNode(TractionLifecycleNode):
         # Frames that are still to be told, with their times, and how many were too many.
         self._raw = []
         self._missed = 0
+        # What was sent last and has not come back.
+        self._echoes = collections.deque(maxlen=16)
         # Until when a flood was last met, s.
         self._flooded = 0.0
         self._told = None
@@ -221,6 +224,11 @@ class CanBridgeNode(TractionLifecycleNode):
 
     def _take(self, message):
         now = time.monotonic()
+        sent = message.arbitration_id, bytes(message.data)
+        if sent in self._echoes:
+            # A bus over UDP gives back what was sent.
+            self._echoes.remove(sent)
+            return
         self._counts['frames'] += 1
         self._failure = ''
         self._keep(message)
@@ -290,6 +298,8 @@ class CanBridgeNode(TractionLifecycleNode):
                 return
             message.timestamp = time.time()
             self._keep(message)
+            if self.p.interface == 'udp_multicast':
+                self._echoes.append((identifier, data))
 
     def _keep(self, message):
         """Note a frame in the log, and for those who record."""
