@@ -18,7 +18,7 @@ demo: setup  ## Drive onto a soft patch without and with control; table, picture
 test: setup  ## Run every test
 	@.venv/bin/python -m pytest
 
-faults: setup  ## Put 45 faults into the running suite, measure what it makes of them: docs/safety.md
+faults: setup  ## Put faults into the running suite, measure what it makes of them: docs/safety.md
 	@.venv/bin/python tools/faults.py
 
 verify: setup  ## Compare the model with Chrono, the paper and wheel tests: docs/verification.md
