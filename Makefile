@@ -19,7 +19,7 @@ test: setup  ## Run every test; those with real processes after the others, whic
 	@.venv/bin/python -m pytest -n 2 -m 'not process'; cores=$$?; \
 	.venv/bin/python -m pytest -m process && exit $$cores
 
-faults: setup  ## Put 45 faults into the running suite, measure what it makes of them: docs/safety.md
+faults: setup  ## Put faults into the running suite, measure what it makes of them: docs/safety.md
 	@.venv/bin/python tools/faults.py
 
 fuzz: setup  ## A million fuzzed CAN frames, 100,000 damaged bags, YAML and CSV files (test runs 1 %)
