@@ -15,9 +15,9 @@ setup:  ## Make .venv and build the workspace (the others do this by themselves)
 demo: setup  ## Drive onto a soft patch without and with control; table, picture, bags
 	@.venv/bin/traction demo
 
-test: setup  ## Run every test; those with real processes after the others, which take all cores
+test: setup  ## Run the tests; those with real processes after the others, which take all cores
 	@.venv/bin/python -m pytest -n 2 -m 'not process'; cores=$$?; \
-	.venv/bin/python -m pytest -m process && exit $$cores
+	.venv/bin/python -m pytest -m 'process and not nightly' && exit $$cores
 
 faults: setup  ## Put faults into the running suite, measure what it makes of them: docs/safety.md
 	@.venv/bin/python tools/faults.py
@@ -35,7 +35,8 @@ bench: setup  ## Times of a step of control and estimation; the model's speed ag
 	@.venv/bin/python -m pytest --benchmark-only --benchmark-columns=median,min,max,rounds $(STEPS)
 	@.venv/bin/python benchmarks/model.py
 
-nightly: setup  ## A million steps of control and estimation, which may leave nothing behind
+nightly: setup  ## What takes long: all faults, and a million steps that may leave nothing behind
+	@.venv/bin/python -m pytest -m nightly
 	@.venv/bin/python -m pytest -s --benchmark-skip $(STEPS)
 
 lint: setup  ## Check style, types of the cores, and package.xml files

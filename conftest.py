@@ -1,6 +1,7 @@
 """Where every test of the repository runs: a ROS domain of its own that stays on this machine."""
 
 import os
+import subprocess
 
 import pytest
 
@@ -10,11 +11,16 @@ os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 # Shared memory would leave files behind whenever a test kills a node.
 os.environ['FASTDDS_BUILTIN_TRANSPORTS'] = 'UDPv4'
 
+# What starts processes; a test module that uses it is one of real processes.
+STARTERS = {'traction_node.graph', 'traction_bringup.runner', 'fault_bench'}
+
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
     """Mark the tests with real processes: they keep times and want the machine to themselves."""
     for item in items:
-        names = vars(item.module)
-        if 'NodeProcess' in names or 'executable' in names or 'subprocess' in names:
+        used = vars(item.module).values()
+        if any(
+            getattr(thing, '__module__', '') in STARTERS or thing is subprocess for thing in used
+        ):
             item.add_marker('process')
