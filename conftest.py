@@ -1,7 +1,6 @@
 """Where every test of the repository runs: a ROS domain of its own that stays on this machine."""
 
 import os
-import subprocess
 
 import pytest
 
@@ -20,7 +19,5 @@ def pytest_collection_modifyitems(items):
     """Mark the tests with real processes: they keep times and want the machine to themselves."""
     for item in items:
         used = vars(item.module).values()
-        if any(
-            getattr(thing, '__module__', '') in STARTERS or thing is subprocess for thing in used
-        ):
+        if any(getattr(thing, '__module__', '') in STARTERS for thing in used):
             item.add_marker('process')
