@@ -74,12 +74,12 @@ def test_replay_gives_the_same_numbers_every_time():
     assert first.speed_rmse == second.speed_rmse
 
 
-# One of a tractor and two of a wheel each time, the others nightly.
+# One of a tractor and one of a wheel each time, the others nightly.
 @pytest.mark.parametrize(
     'name',
     [
         name
-        if name in ('tractor_soft_patch', 'wheel_drawbar', 'wheel_torque_sine')
+        if name in ('tractor_soft_patch', 'wheel_drawbar')
         else pytest.param(name, marks=pytest.mark.nightly)
         for name in NAMES
     ],

@@ -96,6 +96,7 @@ def test_the_recorder_alone_asks_and_for_parameters_alone(graph):
         assert done['request'] <= POLICY[name].get('request', set())
 
 
+@pytest.mark.nightly
 def test_policy_of_the_player_is_all_that_it_plays_without_being_told(tmp_path):
     path = tmp_path / 'bag'
     with BagWriter(path) as bag:
