@@ -9,8 +9,6 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from tractor_io.can_interface import DEFAULT_PORT
-
 app = typer.Typer(
     help='Off-road traction control: simulate, control, replay, look.',
     no_args_is_help=True,
@@ -49,8 +47,9 @@ def ecu(
         str, typer.Option(help='Name of the bus, or multicast address; default: the usual one.')
     ] = '',
     port: Annotated[
-        int, typer.Option(help='Port of a bus over UDP.', min=1, max=65535)
-    ] = DEFAULT_PORT,
+        int | None,
+        typer.Option(help='Port of a bus over UDP; default: the usual one.', min=1, max=65535),
+    ] = None,
     parameters: Annotated[
         str,
         typer.Option(

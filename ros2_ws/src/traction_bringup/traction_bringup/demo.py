@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
@@ -15,7 +14,7 @@ from traction_bringup.evaluation import DriveFigures, judge, latency
 from traction_bringup.picture import draw
 from traction_bringup.recording import Recording, read_recording
 from traction_bringup.runner import RunningSystem, keep_local
-from traction_bringup.system import config, system
+from traction_bringup.system import config, read_parameters, system
 from traction_node.stamp import seconds
 from tractor_io.can_interface import free_port
 
@@ -23,25 +22,6 @@ SETTLE = 2.0
 """Time after the rear axle is on the soft patch from which slip is judged, s."""
 
 TITLES = ('without control', 'with slip control')
-
-
-def parameters_of(package: str, name: str, node: str) -> dict[str, Any]:
-    """Parameters that a shipped file gives a node.
-
-    Parameters
-    ----------
-    package, name : str
-        As `traction_bringup.system.config` takes them.
-    node : str
-        Name of the node.
-
-    Returns
-    -------
-    dict
-        Values by name, SI units.
-    """
-    content = yaml.safe_load(config(package, name).read_text(encoding='utf-8'))
-    return dict(content[f'/**/{node}']['ros__parameters'])
 
 
 def demo(
@@ -74,8 +54,8 @@ def demo(
         If `duration` is too short to get onto the soft patch.
     """
     keep_local()
-    drive = parameters_of('traction_bringup', 'drive_cycle.yaml', 'drive_cycle')
-    plant = parameters_of('traction_model', 'plant.yaml', 'plant_node')
+    drive = read_parameters(config('traction_bringup', 'drive_cycle.yaml'))['drive_cycle']
+    plant = read_parameters(config('traction_model', 'plant.yaml'))['plant_node']
     target, soft_from = float(drive['slip_target']), float(plant['soil_starts'][1])
 
     changes: dict[str, dict[str, Any]] = {'drive_cycle': {'duration': duration}}

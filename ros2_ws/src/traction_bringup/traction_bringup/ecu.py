@@ -8,19 +8,21 @@ from rich.console import Console
 
 from traction_bringup.runner import RunningSystem
 from traction_bringup.system import tractor
-from tractor_io.can_interface import INTERFACES, BusError
+from tractor_io.can_interface import DEFAULT_PORT, INTERFACES, BusError
 
 CHECK_PERIOD = 0.2
 """Time between two looks whether all nodes run, s."""
 
 
-def ecu(can: str, channel: str, port: int, parameter_file: Path | str, console: Console) -> None:
+def ecu(
+    can: str, channel: str, port: int | None, parameter_file: Path | str, console: Console
+) -> None:
     """Run plant, control units and driver until Ctrl-C or SIGTERM.
 
     Parameters
     ----------
     can, channel, port
-        Of the bus, as `tractor_io.can_interface.open_bus` takes them.
+        Of the bus, as `tractor_io.can_interface.open_bus` takes them; no port: its default.
     parameter_file : Path or str
         As `traction_bringup.system.system` takes it.
     console : Console
@@ -35,7 +37,11 @@ def ecu(can: str, channel: str, port: int, parameter_file: Path | str, console: 
     """
     if can not in INTERFACES:
         raise BusError(f"unknown CAN interface '{can}': there are {', '.join(INTERFACES)}")
-    bus = {'interface': can, 'port': port, **({'channel': channel} if channel else {})}
+    bus = {
+        'interface': can,
+        'port': port or DEFAULT_PORT,
+        **({'channel': channel} if channel else {}),
+    }
     nodes = tractor(can=can, parameter_file=parameter_file, parameters={'tractor_ecu': bus})
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     with contextlib.suppress(KeyboardInterrupt), RunningSystem(nodes) as running:

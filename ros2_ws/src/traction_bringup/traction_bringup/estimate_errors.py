@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from traction_bringup.recording import Array, vehicle_prefix
+from traction_bringup.recording import Array, vehicle_and_soil, vehicle_prefix
 from traction_controller.slip_estimation import SlipEstimation
 from traction_model.soil import load_soil
 from traction_model.vehicle import load_vehicle
@@ -162,15 +162,9 @@ def estimate_errors(
         topics = bag.find(
             prefix + topic for topic in ('wheel_states', 'radar', 'ground_truth/slip_estimate')
         )
-        chosen = {'vehicle': vehicle, 'soil': soil}
-        for what, name in chosen.items():
-            chosen[what] = name or bag.custom_data.get(what, '')
-            if not chosen[what]:
-                raise BagError(f'{path}: names no {what}; give --{what}')
-        model = load_vehicle(chosen['vehicle'])
-        estimation = SlipEstimation(
-            model, load_soil(chosen['soil']), least_speed=least_speed, method=method
-        )
+        vehicle, soil = vehicle_and_soil(bag, vehicle, soil)
+        model = load_vehicle(vehicle)
+        estimation = SlipEstimation(model, load_soil(soil), least_speed=least_speed, method=method)
         speeds = JointOrder(model.wheel_names, 'wheel_states velocity')
         torques = JointOrder(model.wheel_names, 'wheel_states effort')
         start, end = bag.start, bag.end

@@ -139,6 +139,34 @@ def vehicle_prefix(bag: BagReader) -> str:
     return found[0].removesuffix('wheel_states')
 
 
+def vehicle_and_soil(bag: BagReader, vehicle: str = '', soil: str = '') -> tuple[str, str]:
+    """Find what vehicle a bag is of, and on what soil it starts.
+
+    Parameters
+    ----------
+    bag : BagReader
+        An open bag.
+    vehicle, soil : str
+        Names or paths of definitions; empty for those that the bag names.
+
+    Returns
+    -------
+    tuple of str
+        Vehicle and soil.
+
+    Raises
+    ------
+    BagError
+        If one is neither given nor named.
+    """
+    found = {}
+    for what, given in (('vehicle', vehicle), ('soil', soil)):
+        found[what] = given or bag.custom_data.get(what, '')
+        if not found[what]:
+            raise BagError(f'{bag.path}: names no {what}; give --{what}')
+    return found['vehicle'], found['soil']
+
+
 def read_recording(path: Path | str) -> Recording:
     """Read a bag of the suite.
 

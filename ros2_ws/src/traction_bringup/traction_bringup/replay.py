@@ -16,8 +16,8 @@ import yaml
 
 from traction_bringup.estimate_errors import EstimateErrors, Judge
 from traction_bringup.lockstep import LockStep
-from traction_bringup.recording import vehicle_prefix
-from traction_bringup.system import config
+from traction_bringup.recording import vehicle_and_soil, vehicle_prefix
+from traction_bringup.system import config, read_parameters
 from traction_controller.slip_controller import SlipControllerBehaviour
 from traction_controller.slip_estimator import SlipEstimatorBehaviour
 from traction_model.definition import closest
@@ -118,37 +118,6 @@ class Replay:
                     row = topic(name if name == '/diagnostics' else name[1:])
                     bag.add_topic(name, type_name, QOS[row.qos])
                 bag.write(name, ns, data)
-
-
-def read_parameters(path: Path | str) -> dict[str, dict[str, Any]]:
-    """Parameters by node from a parameter file of ROS 2.
-
-    Parameters
-    ----------
-    path : Path or str
-        YAML file.
-
-    Returns
-    -------
-    dict of str to dict
-        By name of the node without namespace.
-
-    Raises
-    ------
-    ValueError
-        If it is no such file.
-    """
-    try:
-        text = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ValueError(f'{path}: {" ".join(str(error).split())}') from error
-    found: dict[str, dict[str, Any]] = {}
-    for name, content in (text if isinstance(text, dict) else {None: None}).items():
-        values = content.get('ros__parameters') if isinstance(content, dict) else None
-        if not isinstance(values, dict):
-            raise ValueError(f'{path}: expected node names, each with ros__parameters')
-        found.setdefault(str(name).rsplit('/', 1)[-1], {}).update(values)
-    return found
 
 
 def chosen_parameters(
@@ -274,26 +243,20 @@ def replay(
     result = Replay()
     with BagReader(path) as bag:
         prefix = vehicle_prefix(bag)
-        given = {'vehicle': vehicle, 'soil': soil}
-        for what, name in given.items():
-            given[what] = name or bag.custom_data.get(what, '')
-            if not given[what]:
-                raise BagError(f'{path}: names no {what}; give --{what}')
-        chosen = parameters_for(given['vehicle'], given['soil'], parameters or {})
+        vehicle, soil = vehicle_and_soil(bag, vehicle, soil)
+        chosen = parameters_for(vehicle, soil, parameters or {})
         source = bag.custom_data.get('source', '')
         result.custom_data = {
-            **given,
+            'vehicle': vehicle,
+            'soil': soil,
             'source': f'replay of: {source}' if source else 'replay',
             'parameters': yaml.safe_dump(chosen, sort_keys=True, allow_unicode=True),
         }
 
         estimates: dict[int, tuple[Any, Any, float]] = {}
-        store = typestore()
-
-        def record(name: str, type_name: str, ns: int, data: bytes) -> None:
-            result.messages.append((name, type_name, ns, data))
-
-        lockstep = LockStep(store, record, bag.start)
+        lockstep = LockStep(
+            typestore(), lambda *message: result.messages.append(message), bag.start
+        )
         nodes = {
             name: lockstep.add(behaviour, chosen[name])
             for name, (_, behaviour) in BEHAVIOURS.items()
@@ -335,5 +298,5 @@ def replay(
                 slip, variances, speed = estimates[ns]
                 t = (ns - bag.start) * 1e-9
                 judge.add(t, slip, variances, speed, message.message)
-        result.errors = judge.errors(load_vehicle(given['vehicle']).wheel_names)
+        result.errors = judge.errors(load_vehicle(vehicle).wheel_names)
     return result

@@ -259,7 +259,7 @@ class _Suite:
         return time.monotonic()
 
     def _destroy_entities(self, first=0):
-        """Destroy what was created by the three methods above, from the one numbered `first`."""
+        """Destroy what was created by the methods above, from the one numbered `first`."""
         while len(self._entities) > first:
             destroy, entity = self._entities.pop()
             destroy(entity)
