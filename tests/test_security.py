@@ -1,8 +1,10 @@
 """The SROS2 policy against the running graph: all that a node does, and nothing else."""
 
+import contextlib
 from xml.etree import ElementTree
 
 import pytest
+from rclpy.node import NodeNameNonExistentError
 
 from traction_bringup.runner import RunningSystem
 from traction_bringup.system import config, system
@@ -63,12 +65,14 @@ def graph(tmp_path_factory):
         with RunningSystem(nodes) as running:
             names = [node.name for node in nodes]
 
-            # The services of a node may become known after its diagnostics.
+            # The name of a node and its services may become known after its diagnostics.
             def known(running=running, names=names):
-                return all(
-                    f'/{name}/get_type_description' in graph_of(running.probe.node, name)['reply']
-                    for name in names
-                )
+                with contextlib.suppress(NodeNameNonExistentError):
+                    return all(
+                        f'/{name}/get_type_description'
+                        in graph_of(running.probe.node, name)['reply']
+                        for name in names
+                    )
 
             running.probe.wait_for(known, 10.0, 'whole graph')
             for name in names:
