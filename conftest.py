@@ -4,11 +4,12 @@ import os
 
 import pytest
 
+from traction_node.transport import use_udp
+
 # Kept if set. Domains 1..101 are those whose ports no other programme is given by Linux.
 os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % 101))
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-# Shared memory would leave files behind whenever a test kills a node.
-os.environ['FASTDDS_BUILTIN_TRANSPORTS'] = 'UDPv4'
+use_udp()
 
 # What starts processes; a test module that uses it is one of real processes.
 STARTERS = {'traction_node.graph', 'traction_bringup.runner', 'fault_bench'}

@@ -27,8 +27,6 @@ def keep_local() -> None:
     free = [str(domain) for domain in range(1, 102) if str(domain) != taken]
     os.environ['ROS_DOMAIN_ID'] = random.SystemRandom().choice(free)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    # Shared memory would leave files behind whenever a node is killed.
-    os.environ.setdefault('FASTDDS_BUILTIN_TRANSPORTS', 'UDPv4')
 
 
 class RunningSystem:

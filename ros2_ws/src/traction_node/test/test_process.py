@@ -1,5 +1,6 @@
 """Nodes as real processes: start, parameters, lifecycle, diagnostics, end."""
 
+import os
 import signal
 import sys
 from pathlib import Path
@@ -42,6 +43,15 @@ def test_signal_ends_an_active_node_cleanly(probe, end):
         probe.wait_for(lambda: targets[-1].data == 0.0, 5.0, 'last slip_target')
         assert node.output.count('cleaned up') == 1
         assert 'Traceback' not in node.output
+
+
+def test_no_shared_memory_in_which_a_killed_node_could_stall_others(probe):
+    with sample() as node:
+        assert probe.state('sample') == 'unconfigured'
+        for process in (node.pid, os.getpid()):
+            threads = {path.read_text() for path in Path(f'/proc/{process}/task').glob('*/comm')}
+            assert any(name.startswith('dds.udp') for name in threads)
+            assert not any(name.startswith('dds.shm') for name in threads)
 
 
 def test_signal_ends_an_unconfigured_node_cleanly(probe):

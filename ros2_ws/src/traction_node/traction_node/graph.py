@@ -28,6 +28,7 @@ from rclpy.parameter import Parameter
 
 from traction_node.node import QOS
 from traction_node.topics import message_class, topic
+from traction_node.transport import use_udp
 
 END_TIMEOUT = 15.0  # [s]
 SERVICE_TIMEOUT = 15.0  # [s]
@@ -237,6 +238,7 @@ class Probe:
 
     def __init__(self, namespace=''):
         self._context = rclpy.Context()
+        use_udp()
         rclpy.init(args=[], context=self._context)
         self.node = rclpy.create_node('probe', context=self._context, namespace=namespace)
         self._executor = SingleThreadedExecutor(context=self._context)

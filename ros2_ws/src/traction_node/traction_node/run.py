@@ -17,6 +17,8 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
 
+from traction_node.transport import use_udp
+
 try:
     from rclpy.experimental import EventsExecutor
 except ImportError:  # older releases of rclpy
@@ -160,6 +162,7 @@ def run(node_class, args=None):
     node = None
     try:
         try:
+            use_udp()
             rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
             extra = remove_ros_args(args)[1:]
             if extra:
