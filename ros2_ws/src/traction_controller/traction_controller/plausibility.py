@@ -16,31 +16,39 @@ class ImplausibleError(ValueError):
     """A reading that no vehicle can cause; the text says which and why."""
 
 
-# Change of a value that counts, as a share of it.
-_CHANGE = 1e-3
-
-
 class _Constancy:
-    """Since when a value is the same to the last bit, and whether others changed meanwhile."""
+    """How long a value is the same to the last bit, weighed with how far others are from then.
+
+    A bus has steps of 1 mm/s, which a slow change needs time to cross.
+    """
+
+    # Share that others are off up to which time does not count, and at which it does in full.
+    _LEAST_CHANGE = 0.003
+    _CHANGE = 0.02
 
     def __init__(self) -> None:
         self._value = math.nan
         self._others: Sequence[float] = ()
-        self.since = 0.0
+        self._t = 0.0
         self.readings = 0
-        self.others_changed = False
+        self.time = 0.0
 
-    def take(self, t: float, value: float, others: Sequence[float]) -> None:
+    def take(
+        self, t: float, value: float, others: Sequence[float], scales: Sequence[float]
+    ) -> None:
+        """Take a reading and those of others; their changes count from `scales` up."""
         if value != self._value:
             self._value, self._others = value, others
-            self.since, self.readings, self.others_changed = t, 1, False
+            self._t, self.readings, self.time = t, 1, 0.0
             return
         self.readings += 1
-        if not self.others_changed:
-            self.others_changed = any(
-                abs(now - then) > _CHANGE * abs(then)
-                for now, then in zip(others, self._others, strict=True)
-            )
+        change = max(
+            abs(now - then) / max(abs(then), scale)
+            for now, then, scale in zip(others, self._others, scales, strict=True)
+        )
+        if change > self._LEAST_CHANGE:
+            self.time += (t - self._t) * min(change / self._CHANGE, 1.0)
+        self._t = t
 
 
 class Plausibility:
@@ -56,7 +64,8 @@ class Plausibility:
         Pulses per turn that the tachometers count; 0 for ideal ones.
     stuck_time : float
         Time for which a reading may be the same to the last bit while others change, s; 0 for
-        ever. Tachometers that count pulses repeat themselves and are not checked for that.
+        ever. It is for changes of 2 %; for smaller ones it is longer in proportion.
+        Tachometers that count pulses repeat themselves and are not checked for that.
     """
 
     # Grip of the ground beyond which nothing is expected, as a share of static load.
@@ -78,12 +87,14 @@ class Plausibility:
     _TRIAL = 0.2
     # Age up to which a speed over ground tells whether the vehicle stands, s.
     _RECENT = 0.5
-    # Readings that have to be the same, at the least: a bus has steps of 1 mm/s, which two of them
-    # share now and then.
+    # Speed from which on a change counts as a share of it, m/s.
+    _SLOW = 1.0
+    # Readings that have to be the same, at the least; some buses repeat five times what they
+    # measure ten times a second.
     _STUCK_READINGS = 8
-    # The same of all tachometers at once, which is never chance; but some buses repeat five times
-    # what they measure ten times a second.
     _ALL_STUCK_READINGS = 6
+    # Share of `stuck_time` that is enough for all tachometers at once.
+    _ALL_STUCK = 0.1
 
     def __init__(
         self,
@@ -97,6 +108,13 @@ class Plausibility:
         self._inertias = [float(wheel.inertia) for wheel in vehicle.wheels]
         self._loads = [float(load) for load in vehicle.static_loads()]
         self._least_speed = least_speed
+        self._scales = [
+            *(self._SLOW / radius for radius in self._radii),
+            *(
+                self._DRIVING * load * radius
+                for load, radius in zip(self._loads, self._radii, strict=True)
+            ),
+        ]
         self._pulse = 2.0 * math.pi / tachometer_pulses if tachometer_pulses else 0.0
         self._stuck_time = stuck_time if stuck_time > 0.0 else math.inf
         self.reset()
@@ -173,22 +191,21 @@ class Plausibility:
             ):
                 return f"wheel '{name}' drives, yet is slower than the ground"
             constancy = self._wheels[j]
-            constancy.take(t, omega[j], everything)
+            constancy.take(t, omega[j], everything, self._scales)
             if (
                 not self._pulse
                 and abs(rim) >= self._least_speed
-                and t - constancy.since >= self._stuck_time
+                and constancy.time >= self._stuck_time
                 and constancy.readings >= self._STUCK_READINGS
-                and constancy.others_changed
             ):
                 return f"speed of wheel '{name}' is stuck"
         if (
-            self._stuck_time < math.inf
-            and not self._pulse
+            not self._pulse
             and max(abs(r * w) for r, w in zip(self._radii, omega, strict=True))
             >= self._least_speed
             and all(
-                constancy.readings >= self._ALL_STUCK_READINGS and constancy.others_changed
+                constancy.readings >= self._ALL_STUCK_READINGS
+                and constancy.time >= self._ALL_STUCK * self._stuck_time
                 for constancy in self._wheels
             )
         ):
@@ -227,12 +244,11 @@ class Plausibility:
         if not math.isfinite(v) or self._t is None:
             return True
         constancy = self._speeds.setdefault(sensor, _Constancy())
-        constancy.take(t, v, tuple(self._omega))
+        constancy.take(t, v, tuple(self._omega), self._scales[: len(self._omega)])
         stuck = (
             abs(v) >= self._least_speed
-            and t - constancy.since >= self._stuck_time
+            and constancy.time >= self._stuck_time
             and constancy.readings >= self._STUCK_READINGS
-            and constancy.others_changed
         )
         pull = math.copysign(1.0, v) * sum(
             torque / radius for torque, radius in zip(self._torque, self._radii, strict=True)

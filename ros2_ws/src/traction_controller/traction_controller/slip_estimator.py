@@ -58,7 +58,8 @@ class SlipEstimatorBehaviour:
         ),
         Parameter(
             'stuck_time', 0.15, 'time for which a tachometer or a radar may tell the same to the '
-            'last bit while others change; 0: for ever', 's', 0.0, 10.0, read_only=True,
+            'last bit while others change by 2 %, longer in proportion for less; 0: for ever',
+            's', 0.0, 10.0, read_only=True,
         ),
         Parameter(
             'terrain_rate', 10.0, 'rate of terrain_estimate', 'Hz', 1.0, 100.0, read_only=True
