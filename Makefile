@@ -16,7 +16,7 @@ demo: setup  ## Drive onto a soft patch without and with control; table, picture
 	@.venv/bin/traction demo
 
 test: setup  ## Run the tests; those with real processes after the others, which take all cores
-	@.venv/bin/python -m pytest -n 2 -m 'not process'; cores=$$?; \
+	@.venv/bin/python -m pytest -n 2 -m 'not process and not nightly'; cores=$$?; \
 	.venv/bin/python -m pytest -m 'process and not nightly' && exit $$cores
 
 faults: setup  ## Put faults into the running suite, measure what it makes of them: docs/safety.md

@@ -11,14 +11,13 @@ os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % 101))
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 use_udp()
 
-# What starts processes; a test module that uses it is one of real processes.
-STARTERS = {'traction_node.graph', 'traction_bringup.runner', 'fault_bench'}
+# What starts nodes; a test module that uses one of these is one of real processes.
+STARTERS = {'NodeProcess', 'Probe', 'RunningSystem', 'FaultBench', 'BusBench'}
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
     """Mark the tests with real processes: they keep times and want the machine to themselves."""
     for item in items:
-        used = vars(item.module).values()
-        if any(getattr(thing, '__module__', '') in STARTERS for thing in used):
+        if STARTERS & vars(item.module).keys():
             item.add_marker('process')

@@ -1,19 +1,13 @@
-"""All bags through the estimator's core, and through the real nodes behind the bag player."""
+"""All bags through estimator, controller and gate in lock step, by function and by command."""
 
 import re
-import subprocess
-from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from traction_bringup.estimate_errors import estimate_errors
-from traction_bringup.replay import BEHAVIOURS, parameters_for
-from traction_bringup.replay import replay as run_replay
-from traction_node.graph import NodeProcess, Probe, executable
 from tractor_io.bag import BagReader
-from tractor_io.bag_repair import cut_bag
 
 BAGS = Path(__file__).parents[1] / 'bags'
 NAMES = sorted(path.parent.name for path in BAGS.glob('*/metadata.yaml'))
@@ -32,12 +26,6 @@ AT_MOST = {
     'wheel_low_slip': 0.01,
     'wheel_high_slip': 0.01,
 }
-
-
-def parameters_for_bag(path):
-    """Parameters of the nodes for the vehicle and the soil that a bag names."""
-    with BagReader(path) as bag:
-        return parameters_for(bag.custom_data['vehicle'], bag.custom_data['soil'], {})
 
 
 def test_there_are_seven_bags():
@@ -74,108 +62,8 @@ def test_replay_gives_the_same_numbers_every_time():
     assert first.speed_rmse == second.speed_rmse
 
 
-# One of a tractor and one of a wheel each time, the others nightly.
-@pytest.mark.parametrize(
-    'name',
-    [
-        name
-        if name in ('tractor_soft_patch', 'wheel_drawbar')
-        else pytest.param(name, marks=pytest.mark.nightly)
-        for name in NAMES
-    ],
-)
-def test_nodes_meet_ground_truth_and_the_replay(name, tmp_path):
-    """The first seconds through DDS, somewhat faster than they were recorded."""
-    path = tmp_path / name
-    cut_bag(BAGS / name, path, end=6.0)
-    chosen = parameters_for_bag(path)
-    lockstep = run_replay(path).values('wheel_torque_command')
-    expected = {(m.header.stamp.sec, m.header.stamp.nanosec): m.effort for m in lockstep}
-    with BagReader(path) as bag:
-        stamped = [
-            (m.message.header.stamp, m.message)
-            for m in bag.messages(['ground_truth/slip_estimate'])
-        ]
-        readings = bag.topics['/wheel_states'].count
-    truths = {(stamp.sec, stamp.nanosec): truth for stamp, truth in stamped}
-    start = stamped[0][0].sec + stamped[0][0].nanosec * 1e-9
-    with Probe() as probe, ExitStack() as nodes:
-        for node, (package, _) in BEHAVIOURS.items():
-            nodes.enter_context(
-                NodeProcess(executable(package, node), params={**chosen[node], 'autostart': True})
-            )
-        estimates = probe.subscribe('slip_estimate')
-        commands = probe.subscribe('wheel_torque_command')
-        torques = probe.subscribe('wheel_torque')
-        probe.wait_for_diagnostic('slip_estimator', 'waiting for wheel_states')
-        probe.wait_for_diagnostic('slip_controller', 'waiting for slip_estimate')
-        probe.wait_for_diagnostic('torque_gate', 'no good command yet')
-        with NodeProcess(
-            executable('tractor_io', 'bag_player'),
-            params={
-                'bag': str(path),
-                'rate': 1.5,
-                'topics': ['/wheel_states', '/radar', '/wheel_torque'],
-                'wait_for_subscribers': 10.0,
-            },
-            # Who drove asked for this torque.
-            remaps={'wheel_torque': 'torque_request'},
-        ) as player:
-            probe.wait_for(lambda: not player.running, 60.0, 'end of the bag')
-            assert player.wait() == 0
-            nearly_last = sorted(truths)[-10]
-            probe.wait_for(
-                lambda: (
-                    estimates
-                    and (estimates[-1].header.stamp.sec, estimates[-1].header.stamp.nanosec)
-                    >= nearly_last
-                ),
-                5.0,
-                'estimate for one of the last readings',
-            )
-    # Sensor data are best effort: where the machine stalls for more than five readings, 20 ms
-    # here, the rest is lost. The errors below must be small all the same.
-    assert len(estimates) > 0.5 * readings
-    errors, judged = [], 0
-    for estimate in estimates:
-        stamp = estimate.header.stamp
-        truth = truths[stamp.sec, stamp.nanosec]
-        t = stamp.sec + stamp.nanosec * 1e-9 - start
-        if t >= 2.0 and np.all(np.abs(truth.wheel_based_speed) > 0.3):
-            judged += 1
-            # After readings were lost for half a second it starts anew and says so.
-            if all(estimate.valid):
-                errors.append(np.asarray(estimate.slip) - truth.slip)
-    assert len(errors) > 0.8 * judged
-    # Each command as in lock step; where a request or reading was lost it may be another one.
-    passed = {(m.header.stamp.sec, m.header.stamp.nanosec) for m in torques}
-    off = [
-        np.abs(np.subtract(m.effort, expected[stamp])).max()
-        for m in commands
-        if (stamp := (m.header.stamp.sec, m.header.stamp.nanosec)) in expected
-    ]
-    assert len(off) > 0.5 * readings
-    assert len(passed & set(expected)) > 0.5 * readings
-    largest = max(effort.max() for effort in expected.values())
-    assert np.median(off) < 0.02 * largest
-    # Over DDS readings are lost and radar and wheels swap places, at up to a fifth of readings
-    # more so than the estimator is made for: twice the error of the core is allowed.
-    assert float(np.sqrt(np.mean(np.square(errors)))) <= 2.0 * AT_MOST[name]
-
-
-def command(*arguments):
-    """Run the command `traction`, give exit status and output."""
-    done = subprocess.run(
-        [str(executable('traction_bringup', 'traction')), *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
-    return done.returncode, done.stdout + done.stderr
-
-
-def test_command_prints_the_error_of_the_core():
-    status, said = command('replay', BAGS / 'wheel_drawbar')
+def test_command_prints_the_error_of_the_core(traction):
+    status, said = traction('replay', BAGS / 'wheel_drawbar')
     assert status == 0
     printed = float(re.search(r'slip RMSE ([0-9.]+)', said).group(1))
     # Printed to four places.
@@ -193,14 +81,14 @@ def test_command_prints_the_error_of_the_core():
         (['plot', BAGS / 'README.md'], 'not a bag'),
     ],
 )
-def test_command_names_what_is_wrong_with_its_input(arguments, named):
-    status, said = command(*arguments)
+def test_command_names_what_is_wrong_with_its_input(arguments, named, traction):
+    status, said = traction(*arguments)
     assert status == 2
     assert named in said
     assert 'Traceback' not in said
 
 
-def test_a_bag_without_ground_truth_is_replayed_and_not_judged(tmp_path):
+def test_a_bag_without_ground_truth_is_replayed_and_not_judged(tmp_path, traction):
     from tractor_io.bag import QOS, BagWriter
 
     with (
@@ -210,13 +98,13 @@ def test_a_bag_without_ground_truth_is_replayed_and_not_judged(tmp_path):
         cut.add_topic('/wheel_states', 'sensor_msgs/msg/JointState', QOS['sensor_data'])
         for message in bag.messages(['wheel_states'], raw=True):
             cut.write('/wheel_states', message.time, message.message)
-    status, said = command('replay', tmp_path / 'cut')
+    status, said = traction('replay', tmp_path / 'cut')
     assert status == 0
     assert 'SHA-256' in said
     assert 'RMSE' not in said
 
 
-def test_plot_draws_a_bag(tmp_path):
-    status, said = command('plot', BAGS / 'tractor_soft_patch', '-o', tmp_path / 'tractor.png')
+def test_plot_draws_a_bag(tmp_path, traction):
+    status, said = traction('plot', BAGS / 'tractor_soft_patch', '-o', tmp_path / 'tractor.png')
     assert status == 0, said
     assert (tmp_path / 'tractor.png').read_bytes().startswith(b'\x89PNG')

@@ -15,6 +15,7 @@ def report(tmp_path_factory):
     return status, docs, (docs / 'control.md').read_text(encoding='utf-8')
 
 
+@pytest.mark.nightly
 def test_report_has_all_controllers_and_pictures(report):
     status, docs, text = report
     # 2 says that a target is missed, as it may be in so few trials.
@@ -30,7 +31,7 @@ def test_report_has_all_controllers_and_pictures(report):
     assert 'nan' not in text
 
 
-def test_trials_do_not_depend_on_who_drives_them(report):
+def test_trials_do_not_depend_on_who_drives_them():
     draws = trial.draws(2, 5)
     controller = evaluate.Controller('LQI', 'lqi')
     here = evaluate.run_draws(controller, draws)

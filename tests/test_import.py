@@ -1,7 +1,6 @@
 """The command that imports CSV files, and what the suite makes of the bags."""
 
 import math
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,6 @@ from traction_bringup.recording import read_recording
 from traction_controller.slip_estimation import SlipEstimation
 from traction_model.soil import load_soil
 from traction_model.vehicle import load_vehicle
-from traction_node.graph import executable
 from tractor_io.bag import BagReader
 from tractor_io.csv_import import find_map, import_csv
 
@@ -21,31 +19,22 @@ needs_field_data = pytest.mark.skipif(
 )
 
 
-def command(*arguments):
-    """Run `traction` as a user does."""
-    return subprocess.run(
-        [executable('traction_bringup', 'traction'), *map(str, arguments)],
-        capture_output=True,
-        text=True,
-    )
-
-
-def test_the_command_imports(tmp_path):
+def test_the_command_imports(tmp_path, traction):
     (tmp_path / 'log.csv').write_text(
         't,omega_fl,omega_fr,omega_rl,omega_rr,east,north,up\n0,1,1,1,1,0,0,0\n0.1,1,1,1,1,0,0,0\n'
     )
     bag = tmp_path / 'bag'
     arguments = ('bag', 'import-csv', tmp_path / 'log.csv', '--map', 'import_rover', '-o', bag)
-    found = command(*arguments)
-    assert found.returncode == 0, found.stderr
-    assert '4 messages on 2 topics from 2 rows over 0.100 s' in found.stdout
-    info = command('bag', 'info', bag)
-    assert '/wheel_states' in info.stdout
-    assert 'corenav-GP' in info.stdout
-    again = command(*arguments)
-    assert again.returncode == 2
-    assert again.stderr.startswith('traction: ')
-    assert 'exists already' in again.stderr
+    status, said = traction(*arguments)
+    assert status == 0, said
+    assert '4 messages on 2 topics from 2 rows over 0.100 s' in said
+    _, info = traction('bag', 'info', bag)
+    assert '/wheel_states' in info
+    assert 'corenav-GP' in info
+    status, said = traction(*arguments)
+    assert status == 2
+    assert 'traction: ' in said
+    assert 'exists already' in said
 
 
 @needs_field_data

@@ -1,7 +1,6 @@
 """Replay in lock step: the same bytes every time, and as the golden files say."""
 
 import re
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -11,24 +10,12 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from traction_bringup.golden import compare, read_golden, write_golden
 from traction_bringup.lockstep import LockStep
 from traction_bringup.replay import replay as run_replay
-from traction_node.graph import executable
 from tractor_io.bag import BagReader, typestore
 
 ROOT = Path(__file__).resolve().parents[1]
 BAGS = ROOT / 'bags'
 GOLDEN = Path(__file__).parent / 'golden'
 NAMES = sorted(path.parent.name for path in BAGS.glob('*/metadata.yaml'))
-
-
-def command(*arguments):
-    """Run `traction replay` in a process of its own, give exit status and output."""
-    done = subprocess.run(
-        [str(executable('traction_bringup', 'traction')), 'replay', *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
-    return done.returncode, done.stdout + done.stderr
 
 
 def sha256(said):
@@ -61,10 +48,10 @@ def test_there_is_a_golden_file_of_every_bag():
     assert sorted(path.stem for path in GOLDEN.iterdir()) == NAMES
 
 
-def test_three_processes_and_two_storages_give_the_same_bytes(tmp_path):
+def test_three_processes_and_two_storages_give_the_same_bytes(tmp_path, traction):
     bag = BAGS / 'tractor_soft_patch'
     sqlite3 = as_sqlite3(bag, tmp_path / 'sqlite3')
-    said = [command(source) for source in (bag, bag, sqlite3)]
+    said = [traction('replay', source) for source in (bag, bag, sqlite3)]
     assert [status for status, _ in said] == [0, 0, 0], said
     here = run_replay(bag)
     assert {sha256(text) for _, text in said} == {here.sha256}
@@ -76,10 +63,10 @@ def test_three_processes_and_two_storages_give_the_same_bytes(tmp_path):
         assert (written[0] / file).read_bytes() == (written[1] / file).read_bytes()
 
 
-def test_a_changed_gain_is_told_with_topic_time_and_field():
+def test_a_changed_gain_is_told_with_topic_time_and_field(traction):
     name = 'wheel_drawbar'
-    status, said = command(
-        BAGS / name, '--against', GOLDEN / f'{name}.golden',
+    status, said = traction(
+        'replay', BAGS / name, '--against', GOLDEN / f'{name}.golden',
         '-p', 'slip_controller.weight_slip=0.05',
     )  # fmt: skip
     assert status == 1
@@ -96,12 +83,12 @@ def test_a_changed_gain_is_told_with_topic_time_and_field():
     assert fields['/wheel_torque_command'] == 'effort[0]'
 
 
-def test_an_earlier_replay_serves_as_golden_file_too(tmp_path):
+def test_an_earlier_replay_serves_as_golden_file_too(tmp_path, traction):
     bag = BAGS / 'wheel_low_slip'
     first = run_replay(bag)
     first.write(tmp_path / 'before')
     assert compare(first, tmp_path / 'before', tolerance=0.0) == []
-    status, said = command(bag, '--against', tmp_path / 'before', '--tolerance', 0)
+    status, said = traction('replay', bag, '--against', tmp_path / 'before', '--tolerance', 0)
     assert status == 0, said
     changed = run_replay(bag, parameters={'slip_estimator': {'radar_variance': 0.0026}})
     # The bag's radar states its variance: this parameter must change nothing.
@@ -144,8 +131,8 @@ def test_golden_files_hold_nine_digits(tmp_path):
         (['--against', BAGS / 'README.md'], 'not a golden file'),
     ],
 )
-def test_what_is_wrong_with_the_input_is_named(arguments, named):
-    status, said = command(BAGS / 'wheel_low_slip', *arguments)
+def test_what_is_wrong_with_the_input_is_named(arguments, named, traction):
+    status, said = traction('replay', BAGS / 'wheel_low_slip', *arguments)
     assert status == 2
     assert named in said
     assert 'Traceback' not in said

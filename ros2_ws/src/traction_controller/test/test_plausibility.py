@@ -91,7 +91,7 @@ def test_all_tachometers_stuck_are_told_of_sooner(drive):
 
 def test_steps_of_a_bus_are_not_stuck():
     # HRW has steps of 1/256 km/h. A steady tractor whose torque wavers by 0.1 % and speed by
-    # 0.2 mm/s tells one speed for seconds; also while the front axle loses 0.5 % for half a second.
+    # 0.2 mm/s tells one speed for seconds; also while the front axle loses 0.5 % for 0.5 s.
     step = 1 / 256 / 3.6
     check = Plausibility(TRACTOR, stuck_time=0.5)
     for k in range(500):
