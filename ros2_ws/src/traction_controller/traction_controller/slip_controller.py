@@ -220,7 +220,7 @@ class SlipControllerBehaviour:
             )
         names = list(vehicle.wheel_names)
         self._orders = {
-            what: JointOrder(names, what)
+            what: JointOrder(names, what, one_for_all=what == 'torque_request effort')
             for what in (
                 'wheel_states effort',
                 'terrain_estimate max_shear_stress',
@@ -327,11 +327,7 @@ class SlipControllerBehaviour:
             self._control.set_target(target, source)
 
     def _on_request(self, message):
-        names, efforts = message.name, message.effort
-        if len(efforts) == 1 and not names:
-            # One entry without a name: for all wheels.
-            names, efforts = self._command.name, list(efforts) * self._control.n_wheels
-        request = self._take('torque_request effort', names, efforts)
+        request = self._take('torque_request effort', message.name, message.effort)
         if request is not None:
             self._request = request
             self._request_steady = self.steady_time()

@@ -14,6 +14,14 @@ def test_values_come_in_the_receivers_order_and_others_are_passed_over():
     assert order.values(['rl', 'rr'], [4.0, 5.0]) == [4.0, 5.0]
 
 
+def test_one_value_without_a_name_may_be_for_all():
+    order = JointOrder(['rl', 'rr'], 'torque', one_for_all=True)
+    assert order.values([], [3.0]) == [3.0, 3.0]
+    assert order.values(['rr', 'rl'], [1.0, 2.0]) == [2.0, 1.0]
+    with pytest.raises(JointError, match="'rl' is missing"):
+        order.values([], [1.0, 2.0])
+
+
 @pytest.mark.parametrize(
     ('names', 'values', 'cause', 'said'),
     [

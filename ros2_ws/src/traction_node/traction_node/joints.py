@@ -29,12 +29,17 @@ class JointOrder:
         What the values are, for errors: 'torque'.
     only : bool
         Refuse messages with joints that the receiver does not have; else pass those over.
+    one_for_all : bool
+        Take one value without a name for that of every joint.
     """
 
-    def __init__(self, names: Sequence[str], what: str, only: bool = False) -> None:
+    def __init__(
+        self, names: Sequence[str], what: str, only: bool = False, one_for_all: bool = False
+    ) -> None:
         self._names = tuple(names)
         self._what = what
         self._only = only
+        self._one_for_all = one_for_all
         # Names of the newest message, and where each joint is in it.
         self._seen: list[str] | None = None
         self._order: tuple[int, ...] = ()
@@ -59,6 +64,8 @@ class JointOrder:
         JointError
             Naming the joint that is missing, unknown, given twice, or without a finite value.
         """
+        if self._one_for_all and len(values) == 1 and not names:
+            names, values = self._names, [values[0]] * len(self._names)
         if names != self._seen:
             self._order = self._find(names)
             self._seen = list(names)

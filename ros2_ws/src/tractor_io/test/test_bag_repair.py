@@ -1,5 +1,7 @@
 """Repair and cuts of bags: what is got back of a file that breaks off anywhere."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -122,6 +124,8 @@ def test_cut_takes_what_lies_in_between(tmp_path):
     ('arguments', 'text'),
     [
         ((0.5, 0.5), r'the end, 0\.5 s, must be after the start, 0\.5 s'),
+        ((math.nan,), 'start and end must be finite'),
+        ((0.0, math.inf), 'start and end must be finite'),
         ((5.0,), r'nothing to cut, it is 0\.990 s long'),
         ((0.0, None, ['radar']), 'no topic /radar; it holds: /wheel_states, /wheel_torque'),
     ],

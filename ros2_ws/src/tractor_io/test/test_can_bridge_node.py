@@ -262,17 +262,19 @@ def test_candump_log_is_heard_at_its_pace(tmp_path):
         assert span == pytest.approx(2.0 * lasted, abs=0.1)
         # Only the wheel that has a value.
         assert list(wheels[-1].name) == ['rl']
-        # A log cannot be sent to, and that is told.
-        probe.wait_for(
-            lambda: any('cannot be sent to' in d.message or 'silent' in d.message
-                        for d in probe.diagnostics('can_bridge')), 5.0, 'diagnostics',
-        )  # fmt: skip
+        # After its end.
+        said = probe.wait_for_diagnostic('can_bridge', 'silent: HRW')
+        limit = next(value.value for value in said.values if value.key == 'limit')
+        assert limit == 'none sent'
+        assert not any('bus fails' in status.message for status in probe.diagnostics('can_bridge'))
 
 
 @pytest.mark.parametrize(
     ('parameters', 'text'),
     [
         ({'interface': 'canbus'}, "unknown 'canbus', there are socketcan, udp_multicast"),
+        ({'log': 'a.log', 'channel': 'a.log'}, 'is the log that is heard'),
+        ({'wheel_names': ['l', 'r'], 'wheel_radii': [0.8, 0.8]}, 'must name four wheels'),
         ({'sources': ['EEC1']}, "expected MESSAGE=ADDRESS, got 'EEC1'"),
         ({'sources': ['EEC9=1']}, "unknown message 'EEC9'"),
         ({'wheel_radii': [0.5]}, 'must give one radius for each'),

@@ -182,6 +182,7 @@ def test_what_is_no_text_or_missing_is_said(tmp_path):
         ('unit: km/h, roll', 'unit: rpm, roll', 'turns m/s into rad/s, not rpm'),
         ('ground, unit: km/h', 'ground, unit: rpm', "must be a unit of m/s, 'rpm' is one of"),
         ('ground, unit: km/h', 'ground', 'names no unit'),
+        ('ground, unit: km/h', 'ground, unit: km/h, scale: [1, 2]', 'must be one number'),
         (', unit: km/h}', ', unit: km/h, skale: 2}', "unknown key; did you mean 'scale'"),
         ('wheel_names: [fl, rl]', 'wheel_names: [fl, fl]', 'a name is given twice'),
         ('wheel_names: [fl, rl]', '', 'wheel_names: missing: wheel_states needs them'),

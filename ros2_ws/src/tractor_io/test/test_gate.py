@@ -119,6 +119,13 @@ def test_stamp_that_runs_backwards_is_rejected_until_commands_stopped():
     assert gate.command(0.11, 99.6, WHEELS, [1000.0, 1000.0])
 
 
+def test_wheel_states_without_torques_tell_the_age_of_commands_too():
+    gate = passing_gate()
+    assert not gate.measured(0.005, 105.0, WHEELS, [])
+    assert not gate.command(0.01, 100.01, WHEELS, [1000.0, 1000.0])
+    assert gate.rejected['stale'] == 1
+
+
 def test_command_much_younger_than_the_wheel_states_is_not_passed():
     gate = passing_gate()
     gate.measured(0.005, 100.005, WHEELS, [1000.0, 1000.0])

@@ -225,6 +225,7 @@ def test_player_loops_until_told_to_end():
         ({'bag': '/nowhere'}, '/nowhere: no such file or folder'),
         ({'bag': DRAWBAR, 'topics': ['sonar']}, 'no topic /sonar; it holds: /ground_truth/'),
         ({'bag': DRAWBAR, 'start_offset': 60.0}, 'is beyond the end'),
+        ({'bag': DRAWBAR, 'start_offset': 15.0, 'loop': True}, 'nothing to loop from 15.0 s on'),
         ({'bag': DRAWBAR, 'rate': 0.0}, 'parameter "rate" = 0.0 is out of range'),
     ],
 )

@@ -136,12 +136,15 @@ def test_emergency_stop_by_service_and_by_topic(gate):
     assert answer.success
     assert answer.message == 'emergency stop: at 0 N·m until released by service'
     gate.probe.wait_for(lambda: gate.efforts == [0.0, 0.0], 1.0, 'the safe torque')
-    topic = gate.probe.publisher('emergency_stop')
-    topic.publish(Bool(data=True))
-    gate.probe.wait_for_diagnostic('torque_gate', 'until released by service and topic')
     # A gate that is configured anew does not forget it, and does not pass commands.
     for transition in ('deactivate', 'cleanup', 'configure', 'activate'):
         assert gate.probe.change_state('torque_gate', transition)
+    heard = len(gate.torques)
+    gate.drive([500.0, 500.0], lambda: len(gate.torques) > heard + 20, 'torques')
+    assert all(list(t.effort) == [0.0, 0.0] for t in gate.torques[heard:])
+    topic = gate.probe.publisher('emergency_stop')
+    topic.publish(Bool(data=True))
+    gate.probe.wait_for_diagnostic('torque_gate', 'until released by service and topic')
     gate.probe.call(SetBool, service, SetBool.Request(data=False))
     heard = len(gate.torques)
     gate.drive([500.0, 500.0], lambda: len(gate.torques) > heard + 20, 'torques')

@@ -52,6 +52,7 @@ def test_sender_of_whole_percents_leaves_the_fraction_out():
     # All ones: not available; 8 of 8 is reserved.
     assert with_fraction(0.4, Unknown.NOT_AVAILABLE) == 0.4
     assert with_fraction(0.4, 0.01) == 0.4
+    assert with_fraction(1.25, 0.0025) == 1.25
     assert with_fraction(-0.4, 0.00125) == pytest.approx(-0.39875)
 
 

@@ -54,6 +54,13 @@ def test_frames_have_the_periods_of_the_standards():
     assert counts == {'HRW': 50, 'EEC1': 50, 'WBSD': 10, 'GBSD': 10}
 
 
+def test_a_clock_that_is_set_back_silences_nobody():
+    ecu = make()
+    for t in (10.0, 5.0, 5.01, 5.02):
+        names = [GROUPS.decode(*each).name for each in ecu.frames(t, speeds(1.0), TORQUES)]
+        assert ('HRW' in names) == (t != 5.01)
+
+
 def test_distance_adds_up():
     ecu, bus = make(), other_side()
     for k in range(101):

@@ -7,9 +7,10 @@ import pytest
 
 from tractor_io.address_claim import CLAIMED_PGN, REQUEST_PGN, WAIT, AddressClaim, name_of
 from tractor_io.drivetrain import Drivetrain
+from tractor_io.gate import REACTION_TIME, WATCHDOG_PERIOD
 from tractor_io.j1939 import Identifier, Unknown
 from tractor_io.parameter_group import tractor_groups
-from tractor_io.torque_limit import LimitReader
+from tractor_io.torque_limit import PERIOD, LimitReader
 from tractor_io.vehicle_bus import WHEEL_FIELDS, VehicleBus
 
 GROUPS = tractor_groups()
@@ -104,6 +105,31 @@ def test_status_has_si_units():
     assert status['front_draft'] is Unknown.NOT_AVAILABLE
 
 
+def test_a_claim_that_could_not_be_sent_is_claimed_again():
+    bus = make()
+    bus.begin(0.0)
+    # The bus is down for 1 s.
+    for k in range(100):
+        frames = bus.outgoing(0.01 * k)
+        assert [Identifier.parse(identifier).pgn for identifier, _ in frames] == [CLAIMED_PGN]
+        bus.unsent(0.01 * k, frames)
+    ((identifier, _),) = bus.outgoing(1.0)
+    assert Identifier.parse(identifier).pgn == CLAIMED_PGN
+    assert sent(bus, 1.0 + 0.9 * WAIT) == []
+    assert sent(bus, 1.0 + WAIT) == [(OURS, 0.0)]
+    # Of a limit the next one takes the place.
+    bus.unsent(2.0, bus.outgoing(2.0))
+    assert len(sent(bus, 2.01)) == 1
+
+
+def test_limit_holds_as_long_as_a_gate_holds_its_command():
+    bus = ready()
+    bus.command(0.0, [1500, 1500, 3500, 3500])
+    # Silent for 0.1 s and up to a watchdog period; then it goes on at 100 Hz.
+    assert bus.limit(0.1 + WATCHDOG_PERIOD) == pytest.approx(0.5)
+    assert bus.limit(REACTION_TIME - PERIOD) == 0.0
+
+
 def test_limit_comes_every_10_ms_from_the_claimed_address():
     bus = make()
     bus.begin(0.0)
@@ -145,7 +171,7 @@ def test_silence_of_the_gate_limits_to_nothing():
     assert sent(bus, 0.0) == [(OURS, 0.0)]
     bus.command(0.01, [1500, 1500, 3500, 3500])
     assert sent(bus, 0.1) == [(OURS, pytest.approx(0.5))]
-    assert sent(bus, 0.12) == [(OURS, 0.0)]
+    assert sent(bus, 0.16) == [(OURS, 0.0)]
 
 
 @pytest.mark.parametrize('torques', [[1.0, 2.0], [math.nan] * 4, [math.inf] * 4])

@@ -92,6 +92,8 @@ class BagPlayerNode(TractionNode):
                 f'start_offset {self.p.start_offset} s is beyond the end of {self.p.bag}, '
                 f'which is {self._bag.duration:.3f} s long'
             )
+        if self.p.loop and self.p.start_offset == self._bag.duration:
+            raise ValueError(f'{self.p.bag}: nothing to loop from {self.p.start_offset} s on')
         self._stopping = threading.Event()
         self._matched = threading.Event()
         self._played = 0
@@ -188,7 +190,8 @@ class BagPlayerNode(TractionNode):
             self._outputs[message.topic].publish(message.message)
             self._played += 1
             self._position = (message.time - self._bag.start) * 1e-9
-        return True
+        # Topics that end early do not begin anew early.
+        return self._wait_until(origin + (self._bag.end - first) * per_bag_time)
 
     def _wait_until(self, due):
         """Wait for a time of the steady clock; False when told to stop."""

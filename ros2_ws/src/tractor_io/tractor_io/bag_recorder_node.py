@@ -190,7 +190,12 @@ class BagRecorderNode(TractionNode):
         )
 
     def _take_parameters(self, node, names, future):
-        if node not in self._asking or future.result() is None:
+        # Who has a parameter without a value tells none at all.
+        if (
+            node not in self._asking
+            or future.result() is None
+            or len(future.result().values) != len(names)
+        ):
             return
         found = map(parameter_value_to_python, future.result().values)
         values = {name: _plain(value) for name, value in zip(names, found, strict=True)}

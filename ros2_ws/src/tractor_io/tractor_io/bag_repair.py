@@ -5,6 +5,7 @@ whole and carries a checksum. Repair reads the file record by record up to where
 and writes what it got into a new bag; the damaged one stays as it is.
 """
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
@@ -118,6 +119,8 @@ def cut_bag(
         If the bag cannot be read, a topic is missing, nothing lies in between, or the output
         exists.
     """
+    if not all(map(math.isfinite, (start, 0.0 if end is None else end))):
+        raise BagError(f'{path}: start and end must be finite, got {start} s and {end} s')
     if end is not None and not end > start:
         raise BagError(f'{path}: the end, {end:g} s, must be after the start, {start:g} s')
     with BagReader(path) as reader:

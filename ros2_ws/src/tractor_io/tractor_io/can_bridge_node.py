@@ -14,7 +14,7 @@ from traction_node.joints import JointError, JointOrder
 from traction_node.node import TractionLifecycleNode
 from traction_node.parameter import Parameter
 from traction_node.run import run
-from tractor_io.address_claim import AddressClaim, name_of
+from tractor_io.address_claim import AddressClaim, Claim, name_of
 from tractor_io.can_interface import DEFAULT_PORT, INTERFACES, frame, open_bus
 from tractor_io.drivetrain import Drivetrain
 from tractor_io.j1939 import Unknown
@@ -106,8 +106,9 @@ class CanBridgeNode(TractionLifecycleNode):
             100.0, read_only=True,
         ),
         Parameter(
-            'timeout', 0.1, 'time after the last wheel_torque from which on the engine is limited '
-            'to none', 's', 0.01, 0.19, read_only=True,
+            'timeout', 0.14, 'time after the last wheel_torque from which on the engine is '
+            'limited to none: longer than the gate is silent before it releases', 's', 0.01, 0.19,
+            read_only=True,
         ),
         Parameter(
             'radar_variance', 0.0025, 'variance of the speed over ground', 'm^2/s^2', 1e-8, 100.0,
@@ -123,6 +124,8 @@ class CanBridgeNode(TractionLifecycleNode):
                 f'parameter "interface": unknown \'{p.interface}\', '
                 f'there are {", ".join(INTERFACES)}'
             )
+        if p.log and p.log == p.channel:
+            raise ValueError(f'parameter "log": {p.log} is the log that is heard')
         _make_bus(p)
 
     def parameters_changed(self, p, names):
@@ -169,12 +172,16 @@ class CanBridgeNode(TractionLifecycleNode):
         self._counted = dict(self._counts)
         self._can = open_bus(self.p.interface, self.p.channel, self.p.port)
         try:
-            self._log = can.CanutilsLogWriter(self.p.log) if self.p.log else None
+            # What an earlier drive left there stays.
+            self._log = can.CanutilsLogWriter(self.p.log, append=True) if self.p.log else None
         except OSError:
             self._can.shutdown()
             raise
         self._ended = threading.Event()
-        self._bus.begin(time.monotonic())
+        # A log is heard, and not sent to.
+        self._sends = self.p.interface != 'candump'
+        if self._sends:
+            self._bus.begin(time.monotonic())
         self._thread = threading.Thread(target=self._listen, name='can', daemon=True)
         self._thread.start()
         self.steady_timer(PERIOD, self._work)
@@ -289,12 +296,13 @@ class CanBridgeNode(TractionLifecycleNode):
             self._tell(now)
 
     def _send(self, frames):
-        for identifier, data in frames:
+        for k, (identifier, data) in enumerate(frames):
             message = frame(identifier, data)
             try:
                 self._can.send(message)
             except (can.CanError, OSError) as error:
                 self._failed(error)
+                self._bus.unsent(time.monotonic(), frames[k:])
                 return
             message.timestamp = time.time()
             self._keep(message)
@@ -345,16 +353,20 @@ class CanBridgeNode(TractionLifecycleNode):
         self._count(now)
         silent = [name for name in ('HRW', 'EEC1', 'GBSD') if bus.watch.silent(now, name)]
         level, text = OK, f'limits the engine from address {bus.claim.address}'
+        if not self._sends:
+            text = f'listens to {self.p.channel}'
         if self._failure:
             level, text = ERROR, f'the bus fails: {self._failure}'
+        elif self._sends and not bus.claim.usable:
+            # Nothing is sent: the engine obeys its driver alone.
+            level = ERROR if bus.claim.state is Claim.LOST else WARN
+            text = f'no address: {bus.claim.state.value}'
         elif now < self._flooded:
             level, text = WARN, f'flooded: over {MOST_FRAMES / PERIOD:.0f} frames/s'
         elif silent:
             level = ERROR if 'HRW' in silent else WARN
             text = f'silent: {", ".join(silent)}'
-        elif not bus.claim.usable:
-            level, text = WARN, f'no address: {bus.claim.state.value}'
-        elif not bus.commanded(now):
+        elif self._sends and not bus.commanded(now):
             level, text = WARN, 'no wheel_torque: the engine is limited to none'
         elif self._trouble:
             level, text = WARN, f'bus: {self._trouble}'
@@ -365,7 +377,8 @@ class CanBridgeNode(TractionLifecycleNode):
                 for name, value in bus.status(now).items()
             }
             self.set_diagnostic(
-                level, text, limit=round(bus.limit(now), 3), **status, **self._counts,
+                level, text, limit=round(bus.limit(now), 3) if bus.claim.usable else 'none sent',
+                **status, **self._counts,
                 **{f'refused_{name}': count for name, count in bus.watch.refused.items()},
             )  # fmt: skip
 
@@ -402,6 +415,8 @@ def make_drivetrain(p):
     """
     if len(p.wheel_names) != len(p.wheel_radii) or len(set(p.wheel_names)) != len(p.wheel_names):
         raise ValueError('parameter "wheel_radii" must give one radius for each of "wheel_names"')
+    if len(p.wheel_names) != 4:
+        raise ValueError('parameter "wheel_names" must name four wheels, as HRW tells of four')
     front = (True, True, False, False)
     return Drivetrain(front, p.reference_torque, p.gear_ratio, p.efficiency, p.front_share)
 

@@ -108,7 +108,7 @@ class CandumpBus(can.BusABC):
         if self._next is None:
             try:
                 self._next = next(self._messages, None)
-            except ValueError as error:
+            except (ValueError, IndexError) as error:
                 raise can.CanOperationError(f'{self._path}: damaged line: {error}') from error
         if self._next is None:
             # Silent from here on.

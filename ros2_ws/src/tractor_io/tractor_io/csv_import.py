@@ -61,6 +61,8 @@ _UNITS_OF_FIELDS = (
     (r'_speed$', 'm/s'),
 )
 _PART = re.compile(r'([a-zA-Z]\w*)(?:\[(\d{1,6})\])?')
+# In place of the number of a wheel.
+_NO_WHEEL = -1
 _KEYS = ('delimiter', 'soil', 'source', 'time', 'topics', 'vehicle', 'wheel_names')
 _TOPIC_KEYS = ('fields', 'frame_id', 'skip_empty')
 _VALUE_KEYS = ('column', 'rolling_radius', 'scale', 'unit')
@@ -384,7 +386,7 @@ class CsvMap:
             raise self._fault(key, 'is set from time, frame_id and wheel_names')
         parent, name, index, node, detail = self._find(message, topic, path, key)
         if node is Nodetype.BASE:
-            self._place(parent, name, detail[0], value, key, path, 0, cells)
+            self._place(parent, name, detail[0], value, key, path, _NO_WHEEL, cells)
         elif node is Nodetype.NAME:
             fields = (part for part, _ in self._fields_of(detail))
             raise self._fault(key, f'is a message itself, of {", ".join(fields)}')
@@ -395,7 +397,9 @@ class CsvMap:
             if index is not None:
                 if node is not Nodetype.ARRAY or index >= length:
                     raise self._fault(key, f'has no element {index}')
-                self._place(getattr(parent, name), index, element[0], value, key, path, 0, cells)
+                self._place(
+                    getattr(parent, name), index, element[0], value, key, path, _NO_WHEEL, cells
+                )
                 return
             self._fill_list(parent, name, node, element[0], length, value, key, path, cells)
 
@@ -419,7 +423,8 @@ class CsvMap:
         )
         setattr(parent, name, blank)
         for k, one in enumerate(each):
-            self._place(blank, k, kind, one, key, path, k, cells)
+            wheel = k if of_wheels else _NO_WHEEL
+            self._place(blank, k, kind, one, key, path, wheel, cells)
 
     def _find(
         self, message: Any, topic: str, path: str, key: str
@@ -499,6 +504,8 @@ class CsvMap:
     def _of_wheel(self, content: Any, key: str, wheel: int) -> float:
         """A number for all wheels, or one each."""
         if isinstance(content, list):
+            if wheel == _NO_WHEEL:
+                raise self._fault(key, 'must be one number: the field has none for each wheel')
             if len(content) != len(self.wheel_names):
                 raise self._fault(key, f'{len(content)} values for {len(self.wheel_names)} wheels')
             content = content[wheel]

@@ -168,6 +168,7 @@ class TorqueGate:
         self._measured = [safe_torque] * n
         self._last_measured = -math.inf
         self._newest_stamp = 0.0
+        self._last_stamped = -math.inf
         self._commands = JointOrder(wheel_names, 'torque', only=True)
         self._measurements = JointOrder(wheel_names, 'shaft torque')
 
@@ -210,7 +211,7 @@ class TorqueGate:
                 raise JointError(
                     'stamp', f'stamp {stamp:.3f} s is {age:.3f} s older than the last'
                 )
-            if stamp > 0.0 and t - self._last_measured <= self._timeout:
+            if stamp > 0.0 and t - self._last_stamped <= self._timeout:
                 self._compare(self._newest_stamp - stamp)
         except JointError as error:
             self.rejected[error.cause] += 1
@@ -296,14 +297,14 @@ class TorqueGate:
         Returns
         -------
         bool
-            False when they were not usable and thus ignored.
+            False when they were not usable and thus ignored, but for their stamp.
         """
+        self._newest_stamp, self._last_stamped = stamp, t
         try:
             self._measured = self._measurements.values(names, efforts)
         except JointError:
             return False
         self._last_measured = t
-        self._newest_stamp = stamp
         return True
 
     def step(self, t: float) -> bool:

@@ -96,6 +96,8 @@ class TorqueGateBehaviour:
     def configure(self):
         """Build the gate; measured torques are followed from here on."""
         self._gate = _make_gate(self.p)
+        for source in self._stopped_by:
+            self._gate.emergency_stop(source, True)
         self._output = self.message('wheel_torque')
         self._output.name = list(self.p.wheel_names)
         self._output.header.frame_id = 'base_link'

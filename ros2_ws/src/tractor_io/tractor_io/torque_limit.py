@@ -66,11 +66,11 @@ def with_fraction(torque: float, fraction: float | Unknown) -> float:
     Returns
     -------
     float
-        Torque as a share of the engine's reference torque, dimensionless.
+        Torque as a share of the engine's reference torque, dimensionless, at most `HIGHEST`.
     """
     if isinstance(fraction, Unknown) or not 0.0 <= fraction < 0.00999:
         return torque
-    return torque + fraction
+    return min(torque + fraction, HIGHEST)
 
 
 class TorqueLimit:

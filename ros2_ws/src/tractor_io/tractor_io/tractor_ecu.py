@@ -44,6 +44,8 @@ class TractorEcu:
 
     Attributes
     ----------
+    front_engaged : bool
+        As given; may change at any time.
     rejected : int
         Number of limits with a wrong checksum, a counter that stays, or no torque.
     """
@@ -58,7 +60,7 @@ class TractorEcu:
         self._groups = groups
         self._radii = np.array(radii, dtype=float)
         self._drivetrain = drivetrain
-        self._front_engaged = front_engaged
+        self.front_engaged = front_engaged
         self._demand = 0.0
         # Of every sender: its reader, and its newest limit with the time it came.
         self._readers: dict[int, LimitReader] = {}
@@ -141,7 +143,7 @@ class TractorEcu:
         share = self._demand
         if limit is not None:
             share = math.copysign(min(abs(share), max(limit, 0.0)), share)
-        return self._drivetrain.wheel_torques(share, self._front_engaged)
+        return self._drivetrain.wheel_torques(share, self.front_engaged)
 
     def ground_speed(self, v: float) -> None:
         """Note what the radar measures.
@@ -172,6 +174,10 @@ class TractorEcu:
         wheel_based = float(speeds.mean())
         if abs(wheel_based) > _STANDSTILL:
             self._direction = _FORWARD if wheel_based > 0 else _REVERSE
+        if self._last is not None and t < self._last:
+            # A clock that was set back begins anew.
+            self._last = None
+            self._paces.clear()
         self._distance += 0.0 if self._last is None else abs(wheel_based) * (t - self._last)
         self._last = t
         along = 1.0 if self._direction == _FORWARD else -1.0

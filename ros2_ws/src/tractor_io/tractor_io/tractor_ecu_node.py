@@ -1,5 +1,6 @@
 """Tractor ECU node: a simulated tractor behind a CAN bus, instead of a real one."""
 
+import math
 import time
 
 import can
@@ -42,6 +43,10 @@ class TractorEcuNode(TractionNode):
         """Refuse what does not fit together."""
         make_drivetrain(p)
 
+    def parameters_changed(self, p, names):
+        """Follow the engagement of the front axle."""
+        self._ecu.front_engaged = p.front_engaged
+
     def start(self):
         """Open the bus, and follow plant and driver."""
         self._ecu = TractorEcu(
@@ -51,7 +56,7 @@ class TractorEcuNode(TractionNode):
         names = self.p.wheel_names
         self._speeds = JointOrder(names, 'wheel_states velocity')
         self._efforts = JointOrder(names, 'wheel_states effort')
-        self._requests = JointOrder(names, 'torque_request effort')
+        self._requests = JointOrder(names, 'torque_request effort', one_for_all=True)
         self._publisher = self.publisher('wheel_torque')
         self._output = self._publisher.msg_type(name=list(names))
         self.subscription('radar', self._on_radar)
@@ -64,7 +69,9 @@ class TractorEcuNode(TractionNode):
         self._can.shutdown()
 
     def _on_radar(self, message):
-        self._ecu.ground_speed(message.twist.twist.linear.x)
+        v = message.twist.twist.linear.x
+        if math.isfinite(v):
+            self._ecu.ground_speed(v)
 
     def _on_request(self, message):
         try:

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tractor_io.address_claim import AddressClaim
+from tractor_io.address_claim import CLAIMED_PGN, AddressClaim
 from tractor_io.bus_watch import BusWatch
 from tractor_io.drivetrain import Drivetrain
 from tractor_io.j1939 import Identifier, Unknown
@@ -91,7 +91,7 @@ class VehicleBus:
         front_engaged: bool = True,
         sources: Mapping[str, int] | None = None,
         missed: float = 5.0,
-        timeout: float = 0.1,
+        timeout: float = 0.14,
     ) -> None:
         if len(radii) != len(WHEEL_FIELDS):
             raise ValueError(f'expected {len(WHEEL_FIELDS)} radii, got {len(radii)}')
@@ -298,6 +298,21 @@ class VehicleBus:
             self._outbox.append(self._limit.limit(self.claim.address, self.limit(t)))
         frames, self._outbox = self._outbox, []
         return frames
+
+    def unsent(self, t: float, frames: Sequence[Frame]) -> None:
+        """Take note of frames that the bus did not take.
+
+        An address is one's own only after others have heard the claim.
+
+        Parameters
+        ----------
+        t : float
+            Now, s.
+        frames : sequence of (int, bytes)
+            Identifiers and data, of `outgoing`.
+        """
+        if any(Identifier.parse(identifier).pgn == CLAIMED_PGN for identifier, _ in frames):
+            self._send(self.claim.start(t))
 
     def limit(self, t: float) -> float:
         """Limit of the engine's torque.
