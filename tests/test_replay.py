@@ -1,7 +1,9 @@
 """Replay in lock step: the same bytes every time, and as the golden files say."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,8 +11,11 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 
 from traction_bringup.golden import compare, read_golden, write_golden
 from traction_bringup.lockstep import LockStep
+from traction_bringup.replay import chosen_parameters
 from traction_bringup.replay import replay as run_replay
-from tractor_io.bag import BagReader, typestore
+from traction_controller.slip_estimator import SlipEstimatorBehaviour
+from traction_node.stamp import nanoseconds
+from tractor_io.bag import QOS, BagError, BagReader, BagWriter, typestore
 
 ROOT = Path(__file__).resolve().parents[1]
 BAGS = ROOT / 'bags'
@@ -138,6 +143,112 @@ def test_what_is_wrong_with_the_input_is_named(arguments, named, traction):
     assert 'Traceback' not in said
 
 
+def altered(path, change, name='tractor_soft_patch'):
+    """Write a bag whose messages and times are changed; `change` gives both, or None."""
+    with BagReader(BAGS / name) as bag, BagWriter(path, bag.custom_data) as writer:
+        for topic, row in bag.topics.items():
+            writer.add_topic(topic, row.type, row.qos)
+        for message in bag.messages():
+            changed = change(message.topic, message.message, message.time)
+            if changed is not None:
+                writer.write(message.topic, changed[1], changed[0])
+    return path
+
+
+def test_wheels_are_judged_by_name(tmp_path):
+    def turned(topic, message, time):
+        if topic == '/ground_truth/slip_estimate':
+            lists = {
+                name: value[::-1].copy()
+                for name, value in vars(message).items()
+                if isinstance(value, list | np.ndarray) and len(value) == 4
+            }
+            message = replace(message, **lists)
+        return message, time
+
+    expected = run_replay(BAGS / 'tractor_soft_patch').errors
+    found = run_replay(altered(tmp_path / 'bag', turned)).errors
+    assert found.slip_rmse.tobytes() == expected.slip_rmse.tobytes()
+
+
+def test_stamps_may_be_far_from_the_times_of_the_bag(tmp_path):
+    later = altered(tmp_path / 'bag', lambda _, message, time: (message, time + 10**18))
+    expected = run_replay(BAGS / 'tractor_soft_patch').errors
+    assert run_replay(later).errors.samples == expected.samples
+
+
+def test_a_bag_with_a_pause_of_hours_is_refused(tmp_path):
+    def late(_, message, time):
+        return message, time + (4_000_000_000_000 if time > 10**9 * 8 + start else 0)
+
+    with BagReader(BAGS / 'tractor_soft_patch') as bag:
+        start = bag.start
+    with pytest.raises(BagError, match=r'nothing from 8\.\d+ s on for 4000 s'):
+        run_replay(altered(tmp_path / 'bag', late))
+
+
+def test_a_request_without_messages_is_none(tmp_path):
+    path = altered(tmp_path / 'bag', lambda _, message, time: (message, time), 'wheel_drawbar')
+    with BagReader(path) as bag, BagWriter(tmp_path / 'more', bag.custom_data) as more:
+        for topic, row in bag.topics.items():
+            more.add_topic(topic, row.type, row.qos)
+        more.add_topic('/torque_request', 'sensor_msgs/msg/JointState', QOS['command'])
+        for message in bag.messages(raw=True):
+            more.write(message.topic, message.time, message.message)
+    assert run_replay(tmp_path / 'more').sha256 == run_replay(path).sha256
+
+
+def test_a_golden_file_is_compared_before_it_is_replaced(tmp_path, traction):
+    bag, golden = BAGS / 'wheel_low_slip', tmp_path / 'golden'
+    write_golden(run_replay(bag, parameters={'slip_controller': {'slip_target': 0.1}}), golden)
+    status, said = traction('replay', bag, '--golden', golden, '--against', golden)
+    assert status == 1
+    assert 'differs from' in said
+    status, said = traction('replay', bag, '--against', golden)
+    assert status == 0, said
+
+
+def test_a_parameter_file_of_the_whole_suite_will_do(tmp_path):
+    path = tmp_path / 'own.yaml'
+    path.write_text(
+        '/**:\n  ros__parameters: {vehicle: a}\n'
+        '/**/slip_controller:\n  ros__parameters: {autostart: true, law: lqi}\n'
+        'can_bridge:\n  ros__parameters: {port: 5}\n'
+    )
+    assert chosen_parameters(path, ['slip_estimator.soil=b']) == {
+        'slip_estimator': {'vehicle': 'a', 'soil': 'b'},
+        'slip_controller': {'vehicle': 'a', 'law': 'lqi'},
+        'torque_gate': {'vehicle': 'a'},
+    }
+
+
+def test_a_clock_that_is_set_back_does_not_hide_a_stuck_wheel():
+    with BagReader(BAGS / 'tractor_sandy_loam') as bag:
+        start, entries = bag.start, list(bag.messages(['wheel_states', 'radar']))
+    lockstep = LockStep(typestore(), lambda *_: None, start)
+    estimator = lockstep.add(SlipEstimatorBehaviour, {})
+    said, stuck = {}, 0.0
+    for entry in entries:
+        t = (entry.time - start) * 1e-9
+        message = SimpleNamespace(**vars(entry.message))
+        ns = nanoseconds(message.header.stamp) - (4_000_000_000 if t > 7.0 else 0)
+        message.header = SimpleNamespace(
+            stamp=SimpleNamespace(sec=ns // 10**9, nanosec=ns % 10**9)
+        )
+        if entry.topic == '/wheel_states':
+            message.name = list(message.name)
+            message.velocity = message.velocity.copy()
+            if t > 6.0:
+                message.velocity[2] = stuck
+            stuck = message.velocity[2]
+        lockstep.put(entry.topic[1:], entry.time, message)
+        said[t] = estimator.said
+    assert all('stuck' not in text for t, text in said.items() if t < 6.0)
+    assert all('stuck' in text for t, text in said.items() if 6.5 < t < 7.0)
+    # It began anew, and found the same.
+    assert all('stuck' in text for t, text in said.items() if t > 7.5)
+
+
 def test_timers_run_between_messages_in_order_of_time():
     seen = []
     lockstep = LockStep(typestore(), lambda *_: None, start=1_000_000_000)
@@ -167,8 +278,6 @@ def test_the_fixture_replays_and_compares(replay):
 
 def test_commands_stop_where_wheel_states_stop(tmp_path):
     """The gate's watchdog runs on the time of the bag."""
-    from tractor_io.bag import QOS, BagWriter
-
     with (
         BagReader(BAGS / 'wheel_drawbar') as bag,
         BagWriter(tmp_path / 'gap', bag.custom_data) as gap,

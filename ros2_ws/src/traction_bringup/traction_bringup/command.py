@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import Progress
 from rich.table import Table
 
@@ -16,7 +17,8 @@ app = typer.Typer(
 )
 bag_app = typer.Typer(help='Look into bags, import, repair and cut them.', no_args_is_help=True)
 app.add_typer(bag_app, name='bag')
-console = Console()
+# Paths may have brackets.
+console = Console(markup=False)
 
 Bag = Annotated[Path, typer.Argument(help='Bag: folder, .mcap or .db3 file.')]
 
@@ -107,7 +109,7 @@ def replay(
     from traction_bringup.replay import replay as run_replay
 
     with Progress(console=console, transient=True) as progress:
-        task = progress.add_task(f'replaying {bag.name}', total=1.0)
+        task = progress.add_task(f'replaying {escape(bag.name)}', total=1.0)
         result = run_replay(
             bag,
             vehicle=vehicle,
@@ -118,7 +120,7 @@ def replay(
         )
 
     def say(text: str, style: str = '') -> None:
-        console.print(text, soft_wrap=True, highlight=False, markup=False, style=style)
+        console.print(text, soft_wrap=True, highlight=False, style=style)
 
     errors = result.errors
     if errors is not None:
@@ -137,6 +139,8 @@ def replay(
             f'slip RMSE {errors.total_slip_rmse:.4f}, ground speed RMSE {errors.speed_rmse:.3f} '
             f'm/s, {errors.samples} samples after {settle:g} s above {least_speed:g} m/s'
         )
+    elif result.truths:
+        say(f'nothing to judge after {settle:g} s above {least_speed:g} m/s')
     say(
         f'{len(result.messages)} messages of {result.duration:.3f} s in {result.wall:.3f} s: '
         f'{result.duration / result.wall:.0f} times real time'
@@ -145,11 +149,14 @@ def replay(
     if output is not None:
         result.write(output)
         say(f'bag      {output}')
+    found = []
+    if against is not None:
+        # First, as it may be the file that is to be replaced.
+        found = compare(result, against, TOLERANCE if tolerance is None else tolerance)
     if golden is not None:
         write_golden(result, golden)
         say(f'golden   {golden}')
     if against is not None:
-        found = compare(result, against, TOLERANCE if tolerance is None else tolerance)
         if found:
             for divergence in found:
                 say(f'differs from {against}: {divergence}', style='red')
@@ -175,6 +182,8 @@ def plot(
     # Resolved, as `.` has no name of its own.
     places = [bag.resolve() for bag in bags]
     path = output or places[0].with_name(f'{places[0].name}.png')
+    if not path.suffix:
+        path = path.with_name(f'{path.name}.png')
     draw(recordings, [place.stem for place in places], path, soft_from=soft_from)
     console.print(f'picture  {path}', soft_wrap=True)
 
@@ -297,7 +306,7 @@ def info(bag: Bag) -> None:
             # Parameters of a node are many lines.
             lines = value.strip().splitlines()
             text = '\n    '.join([f'{key}:', *lines]) if len(lines) > 1 else f'{key}: {value}'
-            console.print(text, soft_wrap=True, highlight=False, markup=False)
+            console.print(text, soft_wrap=True, highlight=False)
 
 
 @bag_app.command()
@@ -311,13 +320,13 @@ def repair(
     from tractor_io.bag_repair import repair_bag
 
     with Progress(console=console, transient=True) as progress:
-        task = progress.add_task(f'repairing {bag.name}', total=1.0)
+        task = progress.add_task(f'repairing {escape(bag.name)}', total=1.0)
         found = repair_bag(bag, output, lambda share: progress.update(task, completed=share))
     span = 1e-9 * (found.end - found.start)
     console.print(
         f'{sum(found.counts.values())} messages on {len(found.counts)} topics over {span:.3f} s; '
         f'{found.reason or "the file was whole"}',
-        soft_wrap=True, highlight=False, markup=False,
+        soft_wrap=True, highlight=False,
     )  # fmt: skip
     console.print(f'bag      {found.path}', soft_wrap=True)
 
@@ -357,7 +366,7 @@ def import_csv(
     from tractor_io.csv_import import import_csv as run_import
 
     with Progress(console=console, transient=True) as progress:
-        task = progress.add_task(f'importing {file.name}', total=1.0)
+        task = progress.add_task(f'importing {escape(file.name)}', total=1.0)
         found = run_import(
             file,
             find_map(csv_map),

@@ -69,25 +69,44 @@ class Judge:
         self._errors: list[Array] = []
         self._deviations: list[Array] = []
         self._speed_errors: list[float] = []
+        self._order: JointOrder | None = None
 
-    def add(self, t: float, slip: Array, variances: Array, speed: float, truth: Any) -> None:
+    def add(
+        self,
+        t: float,
+        wheel_names: Sequence[str],
+        slip: Array,
+        variances: Array,
+        speed: float,
+        truth: Any,
+    ) -> None:
         """Take an estimate.
 
         Parameters
         ----------
         t : float
             Time since the start of the bag, s.
+        wheel_names : sequence of str
+            The wheels, n of them, always the same.
         slip, variances : array_like, shape (n,)
             Estimated slip of each wheel and its variance, dimensionless.
         speed : float
             Estimated ground speed, m/s.
         truth : object
             Message of `ground_truth/slip_estimate` for the same time.
+
+        Raises
+        ------
+        JointError
+            If the truth does not tell of every wheel.
         """
         settle, until = self._window
-        rims = np.abs(truth.wheel_based_speed)
+        self._order = self._order or JointOrder(wheel_names, 'ground truth')
+        names = list(truth.wheel_names)
+        true_slip = self._order.values(names, truth.slip)
+        rims = np.abs(self._order.values(names, truth.wheel_based_speed))
         if settle <= t <= until and np.all(rims > self._least_speed):
-            self._errors.append(np.asarray(slip) - truth.slip)
+            self._errors.append(np.asarray(slip) - true_slip)
             self._deviations.append(np.sqrt(variances))
             self._speed_errors.append(speed - truth.ground_based_speed)
 
@@ -200,7 +219,7 @@ def estimate_errors(
                 }
             else:
                 if ns in estimates:
-                    judge.add(t, *estimates[ns], content)
+                    judge.add(t, model.wheel_names, *estimates[ns], content)
                 if ns in anew:
                     off, variance = anew.pop(ns)
                     estimation.radar(t, content.ground_based_speed + off, variance)

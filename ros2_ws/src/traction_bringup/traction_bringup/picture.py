@@ -95,6 +95,9 @@ def _lines(
     width: float = 1.2,
 ) -> None:
     """One line a wheel; left and right of an axle look alike but for the dashes."""
+    if series.values.shape[1:] != (len(names),):
+        # Not measured.
+        return
     axles = list(dict.fromkeys(name[0] for name in names))
     for j, name in enumerate(names):
         colour = _COLOURS[axles.index(name[0]) % len(_COLOURS)]

@@ -203,7 +203,9 @@ def read_recording(path: Path | str) -> Recording:
             collected[topic].append((ns, message.time, message.message))
     # The drive starts with the first torque asked for; a bag without such starts it.
     begun = ('torque_request', 'wheel_torque_command', 'wheel_states')
-    start = next(collected[topic][0][0] for topic in begun if collected[topic])
+    start = next((collected[topic][0][0] for topic in begun if collected[topic]), None)
+    if start is None:
+        raise BagError(f'{path}: no message on {prefix}wheel_states')
     series = {}
     for name, topic, take in _QUANTITIES:
         entries = collected[topic]

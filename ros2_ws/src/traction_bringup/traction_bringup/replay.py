@@ -34,10 +34,23 @@ BEHAVIOURS = {
 }
 """What a bag is sent through: package and behaviour by the name of the node."""
 
+NOT_REPLAYED = {
+    'plant_node',
+    'drive_cycle',
+    'can_bridge',
+    'tractor_ecu',
+    'bag_recorder',
+    'bag_player',
+}
+"""Nodes of the suite that take no part."""
+
 REQUESTS = ('torque_request', 'wheel_torque_command', 'wheel_torque')
 """Topics of a bag that may be the request to the controller, the first that it holds."""
 
 _TRUTH = 'ground_truth/slip_estimate'
+
+LONGEST_PAUSE = 3600.0
+"""Longest time without a message in a bag that is replayed, s: the gate goes on at 100 Hz."""
 
 Parameters = Mapping[str, Mapping[str, Any]]
 
@@ -57,7 +70,9 @@ class Replay:
     wall : float
         Time it took to compute, s.
     errors : EstimateErrors or None
-        Estimates against ground truth, where the bag holds it.
+        Estimates against ground truth, where the bag holds any that counts.
+    truths : int
+        Messages of ground truth in the bag.
     custom_data : dict of str to str
         Vehicle, soil, source and parameters, as a bag of the outputs says them.
     """
@@ -67,6 +82,7 @@ class Replay:
     duration: float = 0.0
     wall: float = 0.0
     errors: EstimateErrors | None = None
+    truths: int = 0
     custom_data: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -128,7 +144,7 @@ def chosen_parameters(
     Parameters
     ----------
     path : Path or str, optional
-        Parameter file of ROS 2.
+        Parameter file of ROS 2; what it has for nodes that take no part is passed over.
     assignments : sequence of str
         Each ``NODE.NAME=VALUE``, the value as in YAML; they overrule the file.
 
@@ -142,7 +158,14 @@ def chosen_parameters(
     ValueError
         If file or assignment cannot be read.
     """
-    chosen = read_parameters(path) if path is not None else {}
+    read = read_parameters(path) if path is not None else {}
+    everywhere = read.pop('**', {})
+    chosen = {name: values for name, values in read.items() if name not in NOT_REPLAYED}
+    for name in BEHAVIOURS if everywhere else ():
+        chosen[name] = everywhere | chosen.get(name, {})
+    for values in chosen.values():
+        # Who replays starts them.
+        values.pop('autostart', None)
     for assignment in assignments:
         name, equals, text = assignment.partition('=')
         node, dot, parameter = name.partition('.')
@@ -269,12 +292,15 @@ def replay(
             )  # fmt: skip
 
         there = {name for name in bag.topics if name.startswith(prefix)}
-        request = next((name for name in REQUESTS if prefix + name in there), '')
+        request = next(
+            (n for n in REQUESTS if prefix + n in there and bag.topics[prefix + n].count), ''
+        )
         produced = {'slip_estimate', 'terrain_estimate', 'wheel_torque_command'}
         sent = {prefix + name: name for name in lockstep.inputs - produced} | (
             {prefix + request: 'torque_request'} if request else {}
         )
         judged = prefix + _TRUTH in there
+        names = load_vehicle(vehicle).wheel_names
         if judged:
             lockstep.subscribe('slip_estimate', remember)
         began = time.perf_counter()
@@ -282,6 +308,12 @@ def replay(
         gc.disable()
         try:
             for message in bag.messages(sorted(there & set(sent))):
+                pause = (message.time - lockstep.now) * 1e-9
+                if pause > LONGEST_PAUSE:
+                    raise BagError(
+                        f'{path}: nothing from {(lockstep.now - bag.start) * 1e-9:.3f} s on for '
+                        f'{pause:.0f} s: cut the bag there (traction bag cut)'
+                    )
                 lockstep.put(sent[message.topic], message.time, message.message)
                 if progress is not None:
                     progress((message.time - bag.start) / max(1, bag.end - bag.start))
@@ -293,10 +325,11 @@ def replay(
             raise BagError(f'{path}: no estimate came of it: {nodes["slip_estimator"].said}')
         result.start, result.duration = bag.start, bag.duration
         for message in bag.messages([prefix + _TRUTH]) if judged else ():
+            result.truths += 1
             ns = nanoseconds(message.message.header.stamp)
             if ns in estimates:
-                slip, variances, speed = estimates[ns]
-                t = (ns - bag.start) * 1e-9
-                judge.add(t, slip, variances, speed, message.message)
-        result.errors = judge.errors(load_vehicle(vehicle).wheel_names)
+                # Of stamps alone: those of a simulation may be far from the times of the bag.
+                t = (ns - next(iter(estimates))) * 1e-9
+                judge.add(t, names, *estimates[ns], message.message)
+        result.errors = judge.errors(names)
     return result

@@ -89,6 +89,24 @@ def test_all_tachometers_stuck_are_told_of_sooner(drive):
     assert Drive(stuck_time=0.0).last(20, stuck=(0, 1, 2, 3)) == ''
 
 
+@pytest.mark.parametrize('scale', [1e4, 1e300])
+def test_what_no_engine_gives_and_no_vehicle_does_is_refused_from_the_first_on(scale):
+    omega = [V / radius for radius in RADII]
+    with pytest.raises(ImplausibleError, match="torque of wheel 'fl' is beyond any engine"):
+        Plausibility(TRACTOR).wheels(0.0, omega, [scale * PULL[0], *PULL[1:]])
+    with pytest.raises(ImplausibleError, match="speed of wheel 'fl' is beyond any vehicle"):
+        Plausibility(TRACTOR).wheels(0.0, [scale * omega[0], *omega[1:]], PULL)
+    check = Plausibility(TRACTOR)
+    check.wheels(0.0, omega, PULL)
+    assert not check.speed('radar', 0.0, -scale * V)
+
+
+def test_a_reading_of_the_same_time_is_refused_with_those_before(drive):
+    assert drive.read(scale=(10.0,) * 4)
+    drive.t -= 0.01
+    assert drive.read(scale=(10.0,) * 4)
+
+
 def test_steps_of_a_bus_are_not_stuck():
     # HRW has steps of 1/256 km/h. A steady tractor whose torque wavers by 0.1 % and speed by
     # 0.2 mm/s tells one speed for seconds; also while the front axle loses 0.5 % for 0.5 s.

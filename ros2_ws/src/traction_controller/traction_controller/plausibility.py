@@ -70,6 +70,10 @@ class Plausibility:
 
     # Grip of the ground beyond which nothing is expected, as a share of static load.
     _MOST_GRIP = 1.0
+    # Torque beyond which no engine is, as a multiple of static load times radius, and speed of rim
+    # or ground, m/s: what lies beyond is no measurement.
+    _MOST_TORQUE = 10.0
+    _MOST_SPEED = 1000.0
     # Change of speed of a wheel that is always taken, rad/s, and least time that it may have had:
     # stamps of a bus are those of arrival.
     _SMALL_CHANGE = 0.5
@@ -143,7 +147,8 @@ class Plausibility:
         Parameters
         ----------
         t : float
-            Time of measurement, s. A reading older than the last is not checked.
+            Time of measurement, s. A reading older than the last is not checked, but refused
+            while others are.
         omega : sequence of float
             Wheel speeds, rad/s, forward positive.
         torque : sequence of float
@@ -157,6 +162,8 @@ class Plausibility:
             Naming the wheel and the reason.
         """
         if self._t is not None and t <= self._t:
+            if self._cause:
+                raise ImplausibleError(self._cause)
             return
         cause = self._cause_of(t, omega, torque, v)
         self._t, self._omega, self._torque = t, list(omega), list(torque)
@@ -177,6 +184,10 @@ class Plausibility:
         everything = (*omega, *torque)
         for j, name in enumerate(self._names):
             radius, grip = self._radii[j], self._MOST_GRIP * self._loads[j]
+            if abs(torque[j]) > self._MOST_TORQUE * self._loads[j] * radius:
+                return f"torque of wheel '{name}' is beyond any engine"
+            if abs(radius * omega[j]) > self._MOST_SPEED:
+                return f"speed of wheel '{name}' is beyond any vehicle"
             if self._t is not None:
                 most = (abs(torque[j]) + grip * radius) / self._inertias[j]
                 most *= max(t - self._t, self._LEAST_TIME)
@@ -239,10 +250,12 @@ class Plausibility:
         -------
         bool
             False where it is not to be believed: faster than all wheels while they drive, or
-            stuck.
+            than any vehicle, or stuck.
         """
         if not math.isfinite(v) or self._t is None:
             return True
+        if abs(v) > self._MOST_SPEED:
+            return False
         constancy = self._speeds.setdefault(sensor, _Constancy())
         constancy.take(t, v, tuple(self._omega), self._scales[: len(self._omega)])
         stuck = (

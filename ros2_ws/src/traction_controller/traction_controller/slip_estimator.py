@@ -236,6 +236,8 @@ class SlipEstimatorBehaviour:
         self._jumped = False
         self._travelled_t = None
         self._epoch = None
+        # Of wheel_states, believed or not.
+        self._newest = 0.0
         self._terrain_due = 0.0
         self._odometry_due = 0.0
         self._refused = {}
@@ -250,10 +252,11 @@ class SlipEstimatorBehaviour:
         """Seconds since the first reading; a clock that was set back starts everything over."""
         if self._epoch is not None:
             t = between(self._epoch, stamp)
-            if t > self._estimation.t - SlipEstimation.LONGEST_GAP:
+            if t > self._newest - SlipEstimation.LONGEST_GAP:
+                self._newest = max(self._newest, t)
                 return t
             self.get_logger().warning(
-                f'time jumped back by {self._estimation.t - t:.3f} s: estimating anew'
+                f'time jumped back by {self._newest - t:.3f} s: estimating anew'
             )
             self._start_over()
             self._on_the_move = True
@@ -387,7 +390,7 @@ class SlipEstimatorBehaviour:
                 believed = estimation.gnss(
                     track.speed_t + track.latency, track.reading, track.reading_variance
                 )
-        except ValueError as error:
+        except (ValueError, OverflowError) as error:
             self._refuse('gnss', error)
             return
         self._refused.pop('gnss', None)

@@ -10,6 +10,7 @@ with NodeProcess(executable('tractor_io', 'torque_gate')) as gate, Probe() as pr
 
 import contextlib
 import copy
+import json
 import os
 import signal
 import subprocess
@@ -99,7 +100,8 @@ def _yaml(value):
         return 'true' if value else 'false'
     if isinstance(value, list | tuple):
         return '[' + ', '.join(_yaml(entry) for entry in value) + ']'
-    return str(value)
+    # Quoted, as a text may look like a number or have a colon.
+    return json.dumps(str(value)) if isinstance(value, str | Path) else str(value)
 
 
 class NodeProcess:

@@ -105,7 +105,8 @@ class Parameter:
 
     def _check_entry(self, entry: object, value: object) -> Scalar:
         if self.type is float and isinstance(entry, int) and not isinstance(entry, bool):
-            entry = float(entry)
+            # Beyond what a double can hold: not finite.
+            entry = float(entry) if abs(entry) < 2**1023 else math.inf
         if type(entry) is not self.type:
             raise self._wrong_type(value)
         unit = f' {self.unit}' if self.unit else ''
