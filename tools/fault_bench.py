@@ -49,6 +49,9 @@ SETTLED_BAND = 0.05
 SETTLED_TIME = 0.5
 """How long it has to be, before a fault, s."""
 
+WALKING = 1.0
+"""Ground speed from which on a tractor is at speed, m/s."""
+
 LOOK = 0.2
 """How long torques are watched after a fault has been told of, s."""
 
@@ -192,9 +195,13 @@ class _Bench:
         self.shaft_before, self.shaft = self.shaft, list(message.effort) or [0.0]
 
     def _follow(self, truth: Any) -> None:
-        """Note since when slip is near its target."""
+        """Note since when the tractor is at speed and slip near its target."""
         self.true_slip = max(truth.slip)
-        settled = self.torque[-1] > DRIVING and self.true_slip < SLIP_TARGET + SETTLED_BAND
+        settled = (
+            self.torque[-1] > DRIVING
+            and truth.ground_based_speed > WALKING
+            and self.true_slip < SLIP_TARGET + SETTLED_BAND
+        )
         since = min(self._settled_from, time.monotonic())
         self._settled_from = since if settled else math.inf
 
