@@ -1,6 +1,8 @@
 """The command `traction`: demo, ecu, replay, plot, bag, sweep, synthesize."""
 
+import contextlib
 import math
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated
 
@@ -19,6 +21,15 @@ bag_app = typer.Typer(help='Look into bags, import, repair and cut them.', no_ar
 app.add_typer(bag_app, name='bag')
 # Paths may have brackets.
 console = Console(markup=False)
+
+
+@contextlib.contextmanager
+def _progress(text: str) -> Iterator[Callable[[float], None]]:
+    """Show how far something is; gives what is to be called with the share that is done."""
+    with Progress(console=console, transient=True) as progress:
+        task = progress.add_task(escape(text), total=1.0)
+        yield lambda share: progress.update(task, completed=share)
+
 
 Bag = Annotated[Path, typer.Argument(help='Bag: folder, .mcap or .db3 file.')]
 
@@ -108,15 +119,14 @@ def replay(
     from traction_bringup.replay import chosen_parameters
     from traction_bringup.replay import replay as run_replay
 
-    with Progress(console=console, transient=True) as progress:
-        task = progress.add_task(f'replaying {escape(bag.name)}', total=1.0)
+    with _progress(f'replaying {bag.name}') as progress:
         result = run_replay(
             bag,
             vehicle=vehicle,
             soil=soil,
             parameters=chosen_parameters(params_file, param or ()),
             judge=Judge(settle, least_speed=least_speed),
-            progress=lambda share: progress.update(task, completed=share),
+            progress=progress,
         )
 
     def say(text: str, style: str = '') -> None:
@@ -156,11 +166,11 @@ def replay(
     if golden is not None:
         write_golden(result, golden)
         say(f'golden   {golden}')
+    for divergence in found:
+        say(f'differs from {against}: {divergence}', style='red')
+    if found:
+        raise typer.Exit(1)
     if against is not None:
-        if found:
-            for divergence in found:
-                say(f'differs from {against}: {divergence}', style='red')
-            raise typer.Exit(1)
         say(f'as {against}')
 
 
@@ -319,9 +329,8 @@ def repair(
     """Get back all finished chunks of a bag whose writer was killed."""
     from tractor_io.bag_repair import repair_bag
 
-    with Progress(console=console, transient=True) as progress:
-        task = progress.add_task(f'repairing {escape(bag.name)}', total=1.0)
-        found = repair_bag(bag, output, lambda share: progress.update(task, completed=share))
+    with _progress(f'repairing {bag.name}') as progress:
+        found = repair_bag(bag, output, progress)
     span = 1e-9 * (found.end - found.start)
     console.print(
         f'{sum(found.counts.values())} messages on {len(found.counts)} topics over {span:.3f} s; '
@@ -365,14 +374,8 @@ def import_csv(
     from tractor_io.csv_import import find_map
     from tractor_io.csv_import import import_csv as run_import
 
-    with Progress(console=console, transient=True) as progress:
-        task = progress.add_task(f'importing {escape(file.name)}', total=1.0)
-        found = run_import(
-            file,
-            find_map(csv_map),
-            output,
-            lambda share: progress.update(task, completed=share),
-        )
+    with _progress(f'importing {file.name}') as progress:
+        found = run_import(file, find_map(csv_map), output, progress)
     console.print(
         f'{sum(found.counts.values())} messages on {len(found.counts)} topics from {found.rows} '
         f'rows over {1e-9 * (found.end - found.start):.3f} s',
