@@ -20,16 +20,16 @@ test: setup  ## Run the tests; those with real processes after the others, which
 	.venv/bin/python -m pytest -m 'process and not nightly' && exit $$cores
 
 faults: setup  ## Put faults into the running suite, measure what it makes of them: docs/safety.md
-	@.venv/bin/python tools/faults.py
+	@.venv/bin/traction faults
 
 fuzz: setup  ## A million fuzzed CAN frames, 100,000 damaged bags, YAML and CSV files (test runs 1 %)
 	@TRACTION_FUZZ_SHARE=1 .venv/bin/python -m pytest -s --tb=short tests/test_fuzz.py
 
 verify: setup  ## Compare the model with Chrono, the paper and wheel tests: docs/verification.md
-	@.venv/bin/python tools/verify.py
+	@.venv/bin/python -m traction_evaluation.verification.report
 
 evaluate: setup  ## Slip control in closed loop over 2,048 draws, and estimation: docs/control.md
-	@.venv/bin/python tools/evaluate.py
+	@.venv/bin/python -m traction_evaluation.closed_loop.report
 
 bench: setup  ## Times of a step of control and estimation; the model's speed against scipy and Octave
 	@.venv/bin/python -m pytest --benchmark-only --benchmark-columns=median,min,max,rounds $(STEPS)
@@ -51,7 +51,7 @@ golden: setup  ## Replay all bags and keep what comes out in tests/golden
 	done; git --no-pager diff --stat tests/golden
 
 bags: setup  ## Make the bags in bags/ again from their CSV files
-	@.venv/bin/python tools/make_bags.py
+	@.venv/bin/python -m traction_evaluation.verification.chrono_bags
 
 clean:  ## Remove all that the other targets made
 	rm -rf .venv ros2_ws/build ros2_ws/install ros2_ws/log out

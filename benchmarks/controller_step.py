@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 from ament_index_python.packages import get_package_share_directory
 
-from traction_controller.control_law import LAWS
-from traction_controller.driveline import Differential, Grouping
-from traction_controller.gain_table import read_gain_table
-from traction_controller.slip_control import SlipControl
-from traction_model.simulate import Drawbar, Plant
-from traction_model.soil import load_soil
-from traction_model.terrain import Terrain
-from traction_model.vehicle import load_vehicle
+from traction_controller.control.driveline import Differential, Grouping
+from traction_controller.control.laws.law import LAWS
+from traction_controller.control.slip_control import SlipControl
+from traction_controller.synthesis.gain_table import read_gain_table
+from traction_model.simulation.simulate import Drawbar, Plant
+from traction_model.soil.soil import load_soil
+from traction_model.soil.terrain import Terrain
+from traction_model.vehicle.vehicle import load_vehicle
 
 BUDGET = 100e-6
 """Longest time of a step, s."""

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from traction_controller.slip_estimation import SlipEstimation
-from traction_model.chrono import CHRONO_RUNS, read_chrono
-from traction_model.soil import load_soil
-from traction_model.vehicle import load_vehicle
+from traction_controller.estimation.slip_filter import SlipEstimation
+from traction_evaluation.verification.chrono import CHRONO_RUNS, read_chrono
+from traction_model.soil.soil import load_soil
+from traction_model.vehicle.vehicle import load_vehicle
 
 LONGEST_STEP = 300e-6
 """What a step of wheel_states and radar may take at the median, s."""

@@ -4,7 +4,7 @@ import subprocess
 
 import pytest
 
-from traction_node.graph import executable
+from traction_node.probe import executable
 
 
 @pytest.fixture(scope='session')

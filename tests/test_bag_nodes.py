@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from traction_bringup.replay import BEHAVIOURS, parameters_for
-from traction_bringup.replay import replay as run_replay
-from traction_node.graph import NodeProcess, Probe, executable
-from tractor_io.bag import BagReader
-from tractor_io.bag_repair import cut_bag
+from traction_evaluation.replay.replay import BEHAVIOURS, parameters_for
+from traction_evaluation.replay.replay import replay as run_replay
+from traction_node.probe import NodeProcess, Probe, executable
+from tractor_io.bags.bag import BagReader
+from tractor_io.bags.repair import cut_bag
 
 BAGS = Path(__file__).parents[1] / 'bags'
 NAMES = sorted(path.parent.name for path in BAGS.glob('*/metadata.yaml'))

@@ -3,13 +3,13 @@
 import lzma
 from pathlib import Path
 
-import make_bags
 import numpy as np
 import pytest
 
-from traction_model.chrono import CHRONO_RUNS
-from traction_model.vehicle import load_vehicle
-from tractor_io.bag import BagReader
+from traction_evaluation.verification import chrono_bags as make_bags
+from traction_evaluation.verification.chrono import CHRONO_RUNS
+from traction_model.vehicle.vehicle import load_vehicle
+from tractor_io.bags.bag import BagReader
 
 ROOT = Path(__file__).resolve().parents[1]
 BAGS = ROOT / 'bags'

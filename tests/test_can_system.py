@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from traction_bringup.runner import RunningSystem
 from traction_bringup.system import system
+from traction_node.running_system import RunningSystem
 from traction_node.stamp import seconds
-from tractor_io.can_interface import free_port
+from tractor_io.can.interface import free_port
 
 TARGET = 0.2
 SUITE = {'torque_gate', 'slip_controller', 'slip_estimator', 'can_bridge'}

@@ -2,8 +2,8 @@
 
 import pytest
 
-from traction_bringup.evaluation import judge, latency
-from traction_bringup.recording import read_recording
+from traction_evaluation.drives.figures import judge, latency
+from traction_evaluation.drives.recording import read_recording
 
 pytestmark = pytest.mark.process
 

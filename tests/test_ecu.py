@@ -4,9 +4,9 @@ import time
 
 import pytest
 
-from traction_node.graph import NodeProcess, executable
-from tractor_io.can_interface import free_port, open_bus
-from tractor_io.parameter_group import tractor_groups
+from traction_node.probe import NodeProcess, executable
+from tractor_io.can.interface import free_port, open_bus
+from tractor_io.can.parameter_group import tractor_groups
 
 
 def test_a_tractor_drives_on_the_bus_until_ctrl_c():

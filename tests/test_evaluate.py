@@ -2,10 +2,10 @@
 
 import re
 
-import evaluate
 import pytest
 
-from traction_controller import trial
+from traction_evaluation.closed_loop import report as evaluate
+from traction_evaluation.closed_loop import trial
 
 
 @pytest.fixture(scope='module')

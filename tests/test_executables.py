@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from traction_node.graph import NodeProcess, Probe, executable
-from tractor_io.can_interface import free_port
+from traction_node.probe import NodeProcess, Probe, executable
+from tractor_io.can.interface import free_port
 
 BAG = Path(__file__).parents[1] / 'bags' / 'wheel_low_slip'
 
@@ -13,7 +13,7 @@ NODES = [
     ('traction_model', 'plant_node', 'plant_node', {'seed': 3}),
     ('traction_controller', 'slip_estimator', 'slip_estimator', {'least_speed': 0.4}),
     ('traction_controller', 'slip_controller', 'slip_controller', {'slip_target': 0.15}),
-    ('tractor_io', 'torque_gate', 'torque_gate', {'timeout': 0.05}),
+    ('torque_gate', 'torque_gate', 'torque_gate', {'timeout': 0.05}),
     ('tractor_io', 'can_bridge', 'can_bridge', {'address': 100}),
     ('tractor_io', 'tractor_ecu', 'tractor_ecu', {'port': free_port()}),
     ('tractor_io', 'bag_player', 'bag_player', {'bag': str(BAG), 'loop': True}),

@@ -3,8 +3,10 @@
 from pathlib import Path
 
 import pytest
-from fault_bench import BusBench, FaultBench, recorded
-from fault_table import BUS_ROWS, ROWS
+
+from traction_bringup.system import system
+from traction_evaluation.faults.bench import BusBench, FaultBench, recorded
+from traction_evaluation.faults.table import BUS_ROWS, ROWS
 
 HEARING = 0.2
 """What another process may be late in hearing of a torque on a machine that runs others too, s.
@@ -52,13 +54,13 @@ def bag(tmp_path_factory):
 
 @pytest.fixture(scope='module')
 def bench(bag):
-    with FaultBench(bag) as running:
+    with FaultBench(system, bag) as running:
         yield running
 
 
 @pytest.fixture(scope='module')
 def bus():
-    with BusBench() as running:
+    with BusBench(system) as running:
         yield running
 
 

@@ -31,24 +31,24 @@ from rich.table import Table
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
 
-from traction_controller.gain_table import GainTableError, read_gain_table
+from torque_gate.gate import State, TorqueGate
+from traction_controller.synthesis.gain_table import GainTableError, read_gain_table
 from traction_model.definition import DefinitionError
-from traction_model.soil import load_soil
-from traction_model.sweep import read_sweep
-from traction_model.terrain import load_terrain
-from traction_model.vehicle import load_vehicle
+from traction_model.simulation.sweep import read_sweep
+from traction_model.soil.soil import load_soil
+from traction_model.soil.terrain import load_terrain
+from traction_model.vehicle.vehicle import load_vehicle
 from traction_node.joints import JointError, JointOrder
-from tractor_io.address_claim import AddressClaim
-from tractor_io.bag import BagError, BagReader, BagWriter, typestore
-from tractor_io.bag_repair import repair_bag
-from tractor_io.csv_import import CsvImportError, CsvMap, find_map, import_csv
-from tractor_io.drivetrain import Drivetrain
-from tractor_io.gate import State, TorqueGate
-from tractor_io.j1939 import Unknown
-from tractor_io.parameter_group import FrameError, tractor_groups
-from tractor_io.torque_limit import HIGHEST, LimitReader
-from tractor_io.tractor_ecu import TractorEcu
-from tractor_io.vehicle_bus import VehicleBus
+from tractor_io.bags.bag import BagError, BagReader, BagWriter, typestore
+from tractor_io.bags.csv_import import CsvImportError, CsvMap, find_map, import_csv
+from tractor_io.bags.repair import repair_bag
+from tractor_io.can.address_claim import AddressClaim
+from tractor_io.can.drivetrain import Drivetrain
+from tractor_io.can.ecu import TractorEcu
+from tractor_io.can.j1939 import Unknown
+from tractor_io.can.parameter_group import FrameError, tractor_groups
+from tractor_io.can.torque_limit import HIGHEST, LimitReader
+from tractor_io.can.vehicle_bus import VehicleBus
 
 ROOT = Path(__file__).resolve().parents[1]
 BAG = ROOT / 'bags' / 'wheel_drawbar'
@@ -423,7 +423,7 @@ def test_sqlite(tmp_path, small):
 
 SOILS = '\n'.join((PRESETS / 'soils.yaml').read_text().splitlines()[:14])
 SWEEP = (
-    ROOT / 'ros2_ws' / 'src' / 'traction_bringup' / 'config' / 'sweep_tractor.yaml'
+    ROOT / 'ros2_ws' / 'src' / 'traction_evaluation' / 'config' / 'sweep_tractor.yaml'
 ).read_text()
 TERRAIN = (
     '- {soil: dry_sand}\n- {start: 8.0, soil: snow_us, grade: 0.02}\n- {start: 9, soil: lete_sand}'

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from traction_bringup.recording import read_recording
-from traction_controller.slip_estimation import SlipEstimation
-from traction_model.soil import load_soil
-from traction_model.vehicle import load_vehicle
-from tractor_io.bag import BagReader
-from tractor_io.csv_import import find_map, import_csv
+from traction_controller.estimation.slip_filter import SlipEstimation
+from traction_evaluation.drives.recording import read_recording
+from traction_model.soil.soil import load_soil
+from traction_model.vehicle.vehicle import load_vehicle
+from tractor_io.bags.bag import BagReader
+from tractor_io.bags.csv_import import find_map, import_csv
 
 FIELD = Path(__file__).resolve().parents[2] / 'shared' / 'data' / 'field'
 needs_field_data = pytest.mark.skipif(

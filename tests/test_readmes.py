@@ -12,14 +12,20 @@ from traction_node.topics import topics
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCES = ROOT / 'ros2_ws' / 'src'
-PACKAGES = ('traction_model', 'traction_controller', 'tractor_io', 'traction_bringup')
+PACKAGES = (
+    'torque_gate',
+    'traction_model',
+    'traction_controller',
+    'tractor_io',
+    'traction_bringup',
+)
 
 
 def nodes():
     """(package, node class) of every node with a table of parameters."""
     for name in PACKAGES:
         package = importlib.import_module(name)
-        for module in pkgutil.iter_modules(package.__path__, f'{name}.'):
+        for module in pkgutil.walk_packages(package.__path__, f'{name}.'):
             if module.name.endswith('_node'):
                 for thing in vars(importlib.import_module(module.name)).values():
                     own = inspect.isclass(thing) and thing.__module__ == module.name

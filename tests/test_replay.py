@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 
-from traction_bringup.golden import compare, read_golden, write_golden
-from traction_bringup.lockstep import LockStep
-from traction_bringup.replay import chosen_parameters
-from traction_bringup.replay import replay as run_replay
-from traction_controller.slip_estimator import SlipEstimatorBehaviour
+from traction_controller.nodes.slip_estimator import SlipEstimatorBehaviour
+from traction_evaluation.replay.golden import compare, read_golden, write_golden
+from traction_evaluation.replay.lockstep import LockStep
+from traction_evaluation.replay.replay import chosen_parameters
+from traction_evaluation.replay.replay import replay as run_replay
 from traction_node.stamp import nanoseconds
-from tractor_io.bag import QOS, BagError, BagReader, BagWriter, typestore
+from tractor_io.bags.bag import QOS, BagError, BagReader, BagWriter, typestore
 
 ROOT = Path(__file__).resolve().parents[1]
 BAGS = ROOT / 'bags'

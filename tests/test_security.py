@@ -6,12 +6,13 @@ from xml.etree import ElementTree
 import pytest
 from rclpy.node import NodeNameNonExistentError
 
-from traction_bringup.runner import RunningSystem
-from traction_bringup.system import config, system
-from traction_node.graph import NodeProcess, Probe, executable
+from traction_bringup.system import system
+from traction_node.parameter_file import config
+from traction_node.probe import NodeProcess, Probe, executable
+from traction_node.running_system import RunningSystem
 from traction_node.topics import topics
-from tractor_io.bag import BagWriter
-from tractor_io.can_interface import free_port
+from tractor_io.bags.bag import BagWriter
+from tractor_io.can.interface import free_port
 
 PARAMETER_SERVICES = ('get_parameters', 'list_parameters')
 

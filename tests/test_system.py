@@ -6,9 +6,9 @@ import time
 import numpy as np
 import pytest
 
-from traction_bringup.runner import RunningSystem
 from traction_bringup.system import system
-from traction_node.graph import NodeProcess, executable
+from traction_node.probe import NodeProcess, executable
+from traction_node.running_system import RunningSystem
 from traction_node.topics import topics
 
 TOPICS = topics()

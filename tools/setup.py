@@ -167,7 +167,7 @@ class Setup:
         if broken:
             raise broken
         warm = sorted(
-            name for name, path in packages.items() if (path / name / 'warm.py').exists()
+            name for name, path in packages.items() if (path / name / 'precompile.py').exists()
         )
         self.step(6, 'compiled kernels', digest(built, *warm), lambda: self.warm(warm))
         if not self.did_something:
@@ -334,7 +334,7 @@ class Setup:
         for name in names:
             self.command(
                 f'compiling the kernels of {name}',
-                [str(self.python), '-m', f'{name}.warm'],
+                [str(self.python), '-m', f'{name}.precompile'],
                 self.clean,
             )
 

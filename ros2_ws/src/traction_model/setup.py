@@ -20,5 +20,5 @@ setup(
     maintainer_email='maintainers@traction-control-suite.org',
     description='Terramechanics of wheels on soft soil, and the plant node that simulates them.',
     license='Apache-2.0',
-    entry_points={'console_scripts': ['plant_node = traction_model.plant_node:main']},
+    entry_points={'console_scripts': ['plant_node = traction_model.nodes.plant_node:main']},
 )

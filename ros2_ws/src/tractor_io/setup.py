@@ -16,7 +16,6 @@ setup(
                 'config/can_bus.yaml',
                 'config/import_rover.yaml',
                 'config/import_t7165s.yaml',
-                'config/torque_gate.yaml',
                 'config/tractor.dbc',
             ],
         ),
@@ -25,15 +24,14 @@ setup(
     zip_safe=False,
     maintainer='Traction-control suite maintainers',
     maintainer_email='maintainers@traction-control-suite.org',
-    description="Bags, player, recorder, the bridge to a tractor's CAN bus, and the torque gate.",
+    description="Bags, player, recorder, and the bridge to a tractor's CAN bus.",
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'bag_player = tractor_io.bag_player_node:main',
-            'can_bridge = tractor_io.can_bridge_node:main',
-            'bag_recorder = tractor_io.bag_recorder_node:main',
-            'tractor_ecu = tractor_io.tractor_ecu_node:main',
-            'torque_gate = tractor_io.torque_gate_node:main',
+            'bag_player = tractor_io.bags.player_node:main',
+            'can_bridge = tractor_io.can.bridge_node:main',
+            'bag_recorder = tractor_io.bags.recorder_node:main',
+            'tractor_ecu = tractor_io.can.ecu_node:main',
         ],
     },
 )

@@ -2,7 +2,7 @@
 
 from sensor_msgs.msg import JointState
 
-from traction_node.graph import NodeProcess, Probe, executable
+from traction_node.probe import NodeProcess, Probe, executable
 
 
 def test_it_says_that_it_waits_for_subscribers():

@@ -9,9 +9,9 @@ import pytest
 import yaml
 from rcl_interfaces.srv import GetParameters
 
-from traction_bringup.runner import NodeEndedError, RunningSystem
-from traction_bringup.system import NodeSpec, system, tractor
-from traction_node.graph import executable
+from traction_bringup.system import system, tractor
+from traction_node.probe import executable
+from traction_node.running_system import NodeEndedError, NodeSpec, RunningSystem
 
 LAUNCH = Path(__file__).parents[1] / 'launch'
 

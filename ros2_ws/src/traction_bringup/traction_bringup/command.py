@@ -114,10 +114,10 @@ def replay(
     Where the bag holds ground truth, the estimates are compared with it. With --against the exit
     status is 1 where the outputs differ.
     """
-    from traction_bringup.estimate_errors import Judge
-    from traction_bringup.golden import TOLERANCE, compare, write_golden
-    from traction_bringup.replay import chosen_parameters
-    from traction_bringup.replay import replay as run_replay
+    from traction_evaluation.estimation.estimate_errors import Judge
+    from traction_evaluation.replay.golden import TOLERANCE, compare, write_golden
+    from traction_evaluation.replay.replay import chosen_parameters
+    from traction_evaluation.replay.replay import replay as run_replay
 
     with _progress(f'replaying {bag.name}') as progress:
         result = run_replay(
@@ -185,8 +185,8 @@ def plot(
     ] = None,
 ) -> None:
     """Draw slip, speeds and torques of one or more bags."""
-    from traction_bringup.picture import draw
-    from traction_bringup.recording import read_recording
+    from traction_evaluation.drives.picture import draw
+    from traction_evaluation.drives.recording import read_recording
 
     recordings = [read_recording(bag) for bag in bags]
     # Resolved, as `.` has no name of its own.
@@ -220,7 +220,7 @@ def sweep(
     ] = None,
 ) -> None:
     """Simulate many drives with soil, vehicle and torque drawn at random."""
-    from traction_bringup.sweep_report import sweep as run_sweep_and_report
+    from traction_evaluation.sweeps.sweep_report import sweep as run_sweep_and_report
 
     interrupted = run_sweep_and_report(
         definition,
@@ -288,10 +288,23 @@ def synthesize(
     )
 
 
+@app.command()
+def faults(
+    docs: Annotated[
+        Path, typer.Option(help='Folder to write safety.md to.', exists=True, file_okay=False)
+    ] = Path('docs'),
+) -> None:
+    """Put faults into the running suite and measure what it makes of them."""
+    from traction_bringup.system import system
+    from traction_evaluation.faults.report import write_report
+
+    raise typer.Exit(write_report(system, docs))
+
+
 @bag_app.command()
 def info(bag: Bag) -> None:
     """Say what a bag holds."""
-    from tractor_io.bag import BagReader
+    from tractor_io.bags.bag import BagReader
 
     with BagReader(bag) as reader:
         table = Table(title=f'{bag}: {reader.duration:.3f} s', title_style='bold')
@@ -327,7 +340,7 @@ def repair(
     ] = None,
 ) -> None:
     """Get back all finished chunks of a bag whose writer was killed."""
-    from tractor_io.bag_repair import repair_bag
+    from tractor_io.bags.repair import repair_bag
 
     with _progress(f'repairing {bag.name}') as progress:
         found = repair_bag(bag, output, progress)
@@ -352,7 +365,7 @@ def cut(
     ] = None,
 ) -> None:
     """Copy a part of a bag into a new one."""
-    from tractor_io.bag_repair import cut_bag
+    from tractor_io.bags.repair import cut_bag
 
     counts = cut_bag(bag, output, start, end, topics or ())
     console.print(f'{sum(counts.values())} messages on {len(counts)} topics', highlight=False)
@@ -371,8 +384,8 @@ def import_csv(
     output: Annotated[Path, typer.Option('--output', '-o', help='Folder of the new bag.')],
 ) -> None:
     """Turn a CSV file into a bag, in SI units."""
-    from tractor_io.csv_import import find_map
-    from tractor_io.csv_import import import_csv as run_import
+    from tractor_io.bags.csv_import import find_map
+    from tractor_io.bags.csv_import import import_csv as run_import
 
     with _progress(f'importing {file.name}') as progress:
         found = run_import(file, find_map(csv_map), output, progress)

@@ -10,13 +10,14 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from traction_bringup.evaluation import DriveFigures, judge, latency
-from traction_bringup.picture import draw
-from traction_bringup.recording import Recording, read_recording
-from traction_bringup.runner import RunningSystem, keep_local
-from traction_bringup.system import config, read_parameters, system
+from traction_bringup.system import system
+from traction_evaluation.drives.figures import DriveFigures, judge, latency
+from traction_evaluation.drives.picture import draw
+from traction_evaluation.drives.recording import Recording, read_recording
+from traction_node.parameter_file import config, read_parameters
+from traction_node.running_system import RunningSystem, keep_local
 from traction_node.stamp import seconds
-from tractor_io.can_interface import free_port
+from tractor_io.can.interface import free_port
 
 SETTLE = 2.0
 """Time after the rear axle is on the soft patch from which slip is judged, s."""

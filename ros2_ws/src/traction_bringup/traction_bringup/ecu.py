@@ -6,9 +6,9 @@ from pathlib import Path
 
 from rich.console import Console
 
-from traction_bringup.runner import RunningSystem
 from traction_bringup.system import tractor
-from tractor_io.can_interface import DEFAULT_PORT, INTERFACES, BusError
+from traction_node.running_system import RunningSystem
+from tractor_io.can.interface import DEFAULT_PORT, INTERFACES, BusError
 
 CHECK_PERIOD = 0.2
 """Time between two looks whether all nodes run, s."""
@@ -22,7 +22,7 @@ def ecu(
     Parameters
     ----------
     can, channel, port
-        Of the bus, as `tractor_io.can_interface.open_bus` takes them; no port: its default.
+        Of the bus, as `tractor_io.can.interface.open_bus` takes them; no port: its default.
     parameter_file : Path or str
         As `traction_bringup.system.system` takes it.
     console : Console

@@ -8,8 +8,8 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from traction_controller.certificate import DENSER, LoopDesign, Margins, check
-from traction_controller.gain_table import (
+from traction_controller.synthesis.certificate import DENSER, LoopDesign, Margins, check
+from traction_controller.synthesis.gain_table import (
     Scheduling,
     TableFile,
     largest_pole,
@@ -17,9 +17,9 @@ from traction_controller.gain_table import (
     table_wheels,
     write_gain_table,
 )
-from traction_controller.lpv_synthesis import synthesize
+from traction_controller.synthesis.lpv_synthesis import synthesize
 from traction_model.definition import build
-from traction_model.vehicle import load_vehicle
+from traction_model.vehicle.vehicle import load_vehicle
 
 
 def synthesize_table(

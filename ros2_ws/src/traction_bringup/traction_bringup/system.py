@@ -1,88 +1,12 @@
 """The one description of the suite as a system, for launch files and for the runner."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import yaml
-from ament_index_python.packages import get_package_share_directory
-
-
-@dataclass(frozen=True)
-class NodeSpec:
-    """One node of the system.
-
-    Attributes
-    ----------
-    package, executable : str
-        What `ros2 run` would be told.
-    name : str
-        Name of the node.
-    parameter_files : tuple of Path
-        Its parameters, SI units; a later file overrules an earlier one.
-    parameters : dict
-        What differs from those files.
-    remappings : dict of str to str
-        Topic names, from and to.
-    lifecycle : bool
-        Whether the node has to be active before it works.
-    """
-
-    package: str
-    executable: str
-    name: str
-    parameter_files: tuple[Path, ...] = ()
-    parameters: Mapping[str, Any] = field(default_factory=dict)
-    remappings: Mapping[str, str] = field(default_factory=dict)
-    lifecycle: bool = False
-
-
-def config(package: str, name: str) -> Path:
-    """Path of a parameter file that a package of the suite ships.
-
-    Parameters
-    ----------
-    package, name : str
-        Package, and file name in its ``config`` folder.
-
-    Returns
-    -------
-    Path
-        The file as installed.
-    """
-    return Path(get_package_share_directory(package)) / 'config' / name
-
-
-def read_parameters(path: Path | str) -> dict[str, dict[str, Any]]:
-    """Parameters by node from a parameter file of ROS 2.
-
-    Parameters
-    ----------
-    path : Path or str
-        YAML file.
-
-    Returns
-    -------
-    dict of str to dict
-        By name of the node without namespace.
-
-    Raises
-    ------
-    ValueError
-        If it is no such file.
-    """
-    try:
-        text = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ValueError(f'{path}: {" ".join(str(error).split())}') from error
-    found: dict[str, dict[str, Any]] = {}
-    for name, content in (text if isinstance(text, dict) else {None: None}).items():
-        values = content.get('ros__parameters') if isinstance(content, dict) else None
-        if not isinstance(values, dict):
-            raise ValueError(f'{path}: expected node names, each with ros__parameters')
-        found.setdefault(str(name).rsplit('/', 1)[-1], {}).update(values)
-    return found
+from traction_node.node_spec import NodeSpec
+from traction_node.parameter_file import config
 
 
 def system(
@@ -106,7 +30,7 @@ def system(
     bag : Path or str
         Folder to record all topics into; empty for none.
     can : str
-        CAN interface between the vehicle and the suite, of `tractor_io.can_interface.INTERFACES`;
+        CAN interface between the vehicle and the suite, of `tractor_io.can.interface.INTERFACES`;
         empty for topics. A simulated tractor then has one engine.
     autostart : bool
         Lifecycle nodes configure and activate by themselves.
@@ -143,7 +67,7 @@ def system(
             lifecycle=True,
         )  # fmt: skip
 
-    nodes = [lifecycle('tractor_io', 'torque_gate')]
+    nodes = [lifecycle('torque_gate', 'torque_gate')]
     if controlled:
         nodes.append(lifecycle('traction_controller', 'slip_controller'))
     nodes.append(lifecycle('traction_controller', 'slip_estimator'))
@@ -213,7 +137,7 @@ def tractor(
     Parameters
     ----------
     can : str
-        CAN interface, of `tractor_io.can_interface.INTERFACES`.
+        CAN interface, of `tractor_io.can.interface.INTERFACES`.
     parameter_file, parameters
         As `system` takes them.
 

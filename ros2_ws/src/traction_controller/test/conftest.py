@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from traction_model.chrono import CHRONO_RUNS, read_chrono
-from traction_model.lpv import sampled, slip_dynamics
-from traction_model.vehicle import GRAVITY, load_vehicle
+from traction_evaluation.verification.chrono import CHRONO_RUNS, read_chrono
+from traction_model.lpv.model import sampled, slip_dynamics
+from traction_model.vehicle.vehicle import GRAVITY, load_vehicle
 
 BAGS = Path(__file__).resolve().parents[4] / 'bags'
 

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from traction_controller.control_law import LAWS, Reading, make_law
-from traction_model.vehicle import load_vehicle
+from traction_controller.control.laws.law import LAWS, Reading, make_law
+from traction_model.vehicle.vehicle import load_vehicle
 
 TRACTOR = load_vehicle('tractor_4wd')
 REAR = TRACTOR.wheels[3]

@@ -8,17 +8,17 @@ from ament_index_python.packages import get_package_share_directory
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
-from traction_controller.driveline import Differential, Grouping
-from traction_controller.exit_reason import ExitReason, LimitStatus
-from traction_controller.gain_table import read_gain_table
-from traction_controller.set_point import SetPoint
-from traction_controller.slip_control import Degraded, Mode, TargetSource
-from traction_controller.slip_estimation import SlipEstimation
+from traction_controller.control.driveline import Differential, Grouping
+from traction_controller.control.exit_reason import ExitReason, LimitStatus
+from traction_controller.control.set_point import SetPoint
+from traction_controller.control.slip_control import Degraded, Mode, TargetSource
+from traction_controller.estimation.slip_filter import SlipEstimation
+from traction_controller.synthesis.gain_table import read_gain_table
 from traction_interfaces.msg import SlipEstimate, TerrainEstimate
-from traction_model.soil import load_soil
-from traction_model.vehicle import load_vehicle
+from traction_model.soil.soil import load_soil
+from traction_model.vehicle.vehicle import load_vehicle
 from traction_node import diagnostic
-from traction_node.graph import NodeProcess, Probe, executable
+from traction_node.probe import NodeProcess, Probe, executable
 from traction_node.stamp import seconds, to_stamp
 
 NODE = 'slip_controller'

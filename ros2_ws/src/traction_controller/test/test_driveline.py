@@ -2,8 +2,8 @@
 
 import pytest
 
-from traction_controller.driveline import Grouping, driven_axles, wheel_groups
-from traction_model.vehicle import load_vehicle
+from traction_controller.control.driveline import Grouping, driven_axles, wheel_groups
+from traction_model.vehicle.vehicle import load_vehicle
 
 TRACTOR = load_vehicle('tractor_4wd')  # fl, fr, rl, rr
 RIG = load_vehicle('single_wheel_rig')

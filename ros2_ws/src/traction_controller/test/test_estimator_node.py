@@ -9,14 +9,14 @@ from geometry_msgs.msg import TwistWithCovarianceStamped
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 
-from traction_controller.odometry import UNOBSERVED
-from traction_controller.slip_estimation import SlipEstimation, Source
+from traction_controller.estimation.odometry import UNOBSERVED
+from traction_controller.estimation.slip_filter import SlipEstimation, Source
 from traction_interfaces.msg import SlipEstimate
-from traction_model.soil import load_soil
-from traction_model.tractive import tractive_figures
-from traction_model.vehicle import GRAVITY, load_vehicle
+from traction_model.contact.tractive import tractive_figures
+from traction_model.soil.soil import load_soil
+from traction_model.vehicle.vehicle import GRAVITY, load_vehicle
 from traction_node import diagnostic
-from traction_node.graph import NodeProcess, Probe, executable
+from traction_node.probe import NodeProcess, Probe, executable
 from traction_node.stamp import seconds, to_stamp
 
 PARAMS = {'vehicle': 'single_wheel_rig', 'soil': 'paper_sand', 'autostart': True}

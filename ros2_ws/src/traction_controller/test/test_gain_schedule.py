@@ -4,9 +4,9 @@ import control
 import numpy as np
 import pytest
 
-from traction_controller.gain_schedule import ControlWeights, GainSchedule, lqi_gains
-from traction_model.lpv import slip_dynamics
-from traction_model.vehicle import GRAVITY, load_vehicle
+from traction_controller.synthesis.gain_schedule import ControlWeights, GainSchedule, lqi_gains
+from traction_model.lpv.model import slip_dynamics
+from traction_model.vehicle.vehicle import GRAVITY, load_vehicle
 
 REAR = load_vehicle('tractor_4wd').wheels[3]
 LOAD = 13979.25  # N, see traction_model/test/test_vehicle.py

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import yaml
 
-from traction_controller.certificate import (
+from traction_controller.synthesis.certificate import (
     Certificate,
     CertificateError,
     LoopDesign,
@@ -15,7 +15,7 @@ from traction_controller.certificate import (
     closed_loop,
     margins,
 )
-from traction_controller.gain_table import (
+from traction_controller.synthesis.gain_table import (
     GainTable,
     GainTableError,
     Scheduling,
@@ -24,9 +24,9 @@ from traction_controller.gain_table import (
     table_wheels,
     write_gain_table,
 )
-from traction_controller.lpv_synthesis import synthesize
+from traction_controller.synthesis.lpv_synthesis import synthesize
 from traction_model.definition import DefinitionError
-from traction_model.vehicle import load_vehicle
+from traction_model.vehicle.vehicle import load_vehicle
 
 RIG = load_vehicle('single_wheel_rig')
 TRACTOR = load_vehicle('tractor_4wd')

@@ -8,7 +8,7 @@ from filterpy.kalman import KalmanFilter
 from hypothesis import given
 from hypothesis import strategies as st
 
-from traction_controller.gnss import GnssNoise, GnssTrack, RimTravel
+from traction_controller.estimation.gnss import GnssNoise, GnssTrack, RimTravel
 
 DT = 0.1
 

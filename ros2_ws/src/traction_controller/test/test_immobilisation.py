@@ -5,14 +5,19 @@ import math
 import numpy as np
 import pytest
 
-from traction_controller.immobilisation import Immobilisation, Level, Reason, WarningLimits
-from traction_controller.slip_estimation import SlipEstimation
-from traction_model.chrono import CHRONO_RUNS
-from traction_model.sensors import Radar, RadarModel
-from traction_model.simulate import Drawbar, Plant
-from traction_model.soil import load_soil
-from traction_model.terrain import Terrain
-from traction_model.vehicle import GRAVITY, load_vehicle
+from traction_controller.estimation.immobilisation import (
+    Immobilisation,
+    Level,
+    Reason,
+    WarningLimits,
+)
+from traction_controller.estimation.slip_filter import SlipEstimation
+from traction_evaluation.verification.chrono import CHRONO_RUNS
+from traction_model.simulation.sensors import Radar, RadarModel
+from traction_model.simulation.simulate import Drawbar, Plant
+from traction_model.soil.soil import load_soil
+from traction_model.soil.terrain import Terrain
+from traction_model.vehicle.vehicle import GRAVITY, load_vehicle
 
 TRACTOR = load_vehicle('tractor_4wd')
 LOAM, SOFT = load_soil('sandy_loam_chrono'), load_soil('soft_patch_chrono')

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from filterpy.kalman import KalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
 
-from traction_controller.kalman import (
+from traction_controller.estimation.kalman import (
     Method,
     forget,
     line_through,

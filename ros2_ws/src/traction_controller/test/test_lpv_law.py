@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from traction_controller.control_law import Reading
-from traction_controller.lpv_law import LpvLaw
-from traction_controller.slip_loop import (
+from traction_controller.control.laws.law import Reading
+from traction_controller.control.laws.lpv import LpvLaw
+from traction_controller.synthesis.slip_loop import (
     ERROR,
     FIRST_COMMAND,
     TORQUE,
@@ -13,7 +13,7 @@ from traction_controller.slip_loop import (
     slip_pole,
     torque_scale,
 )
-from traction_model.vehicle import load_vehicle
+from traction_model.vehicle.vehicle import load_vehicle
 
 TRACTOR = load_vehicle('tractor_4wd')
 REAR = TRACTOR.wheels[3]

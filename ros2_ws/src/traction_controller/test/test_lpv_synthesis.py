@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from traction_controller.certificate import LoopDesign, check, closed_loop
-from traction_controller.lpv_synthesis import SynthesisError, synthesize
-from traction_controller.slip_loop import (
+from traction_controller.synthesis.certificate import LoopDesign, check, closed_loop
+from traction_controller.synthesis.lpv_synthesis import SynthesisError, synthesize
+from traction_controller.synthesis.slip_loop import (
     ERROR,
     FIRST_COMMAND,
     MOMENT,
@@ -18,7 +18,7 @@ from traction_controller.slip_loop import (
     slip_pole,
     torque_scale,
 )
-from traction_model.vehicle import load_vehicle
+from traction_model.vehicle.vehicle import load_vehicle
 
 REAR = load_vehicle('tractor_4wd').wheels[3]
 # One lag and delay, stiffness known, nothing moves.

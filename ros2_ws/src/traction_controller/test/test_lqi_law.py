@@ -2,9 +2,9 @@
 
 import pytest
 
-from traction_controller.control_law import Reading
-from traction_controller.lqi_law import LqiLaw
-from traction_model.vehicle import load_vehicle
+from traction_controller.control.laws.law import Reading
+from traction_controller.control.laws.lqi import LqiLaw
+from traction_model.vehicle.vehicle import load_vehicle
 
 TRACTOR = load_vehicle('tractor_4wd')
 LOADS = [float(load) for load in TRACTOR.static_loads()]

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from traction_controller.odometry import UNOBSERVED, PathOdometry, axle_yaw_rate
-from traction_controller.slip_estimation import SlipEstimation
-from traction_model.chrono import CHRONO_RUNS
-from traction_model.soil import load_soil
+from traction_controller.estimation.odometry import UNOBSERVED, PathOdometry, axle_yaw_rate
+from traction_controller.estimation.slip_filter import SlipEstimation
+from traction_evaluation.verification.chrono import CHRONO_RUNS
+from traction_model.soil.soil import load_soil
 
 
 def test_distance_by_hand():

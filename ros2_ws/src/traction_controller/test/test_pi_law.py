@@ -6,10 +6,10 @@ import control
 import numpy as np
 import pytest
 
-from traction_controller.control_law import Reading
-from traction_controller.pi_law import PiLaw, ScheduledPiLaw, simc_gains
-from traction_model.lpv import slip_dynamics
-from traction_model.vehicle import GRAVITY, load_vehicle
+from traction_controller.control.laws.law import Reading
+from traction_controller.control.laws.pi import PiLaw, ScheduledPiLaw, simc_gains
+from traction_model.lpv.model import slip_dynamics
+from traction_model.vehicle.vehicle import GRAVITY, load_vehicle
 
 TRACTOR = load_vehicle('tractor_4wd')
 REAR = TRACTOR.wheels[3]

@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from traction_controller.plausibility import ImplausibleError, Plausibility
-from traction_model.vehicle import load_vehicle
+from traction_controller.estimation.plausibility import ImplausibleError, Plausibility
+from traction_model.vehicle.vehicle import load_vehicle
 
 TRACTOR = load_vehicle('tractor_4wd')
 RADII = [wheel.radius for wheel in TRACTOR.wheels]

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from traction_controller.gnss import GnssTrack
-from traction_controller.radius_calibration import GroundSource, RadiusCalibration
-from traction_controller.rolling_radius import Calibration
-from traction_model.vehicle import load_vehicle
+from traction_controller.estimation.gnss import GnssTrack
+from traction_controller.estimation.radius_calibration import GroundSource, RadiusCalibration
+from traction_controller.estimation.rolling_radius import Calibration
+from traction_model.vehicle.vehicle import load_vehicle
 
 TRACTOR = load_vehicle('tractor_4wd')
 NOMINAL = np.array([wheel.radius for wheel in TRACTOR.wheels])

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from traction_controller.rolling_radius import Calibration, FirmGround, RollingRadius
+from traction_controller.estimation.rolling_radius import Calibration, FirmGround, RollingRadius
 
 DT = 0.1
 

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from traction_controller.set_point import SetPoint
-from traction_controller.slip_estimation import SlipEstimation
-from traction_model.soil import load_soil
-from traction_model.tractive import greatest_pull_slip, optimum_slip, tractive_figures
-from traction_model.vehicle import load_vehicle
+from traction_controller.control.set_point import SetPoint
+from traction_controller.estimation.slip_filter import SlipEstimation
+from traction_model.contact.tractive import greatest_pull_slip, optimum_slip, tractive_figures
+from traction_model.soil.soil import load_soil
+from traction_model.vehicle.vehicle import load_vehicle
 
 TRACTOR = load_vehicle('tractor_4wd')
 LOAM = load_soil('sandy_loam_chrono')

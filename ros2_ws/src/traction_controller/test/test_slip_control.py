@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from traction_controller.exit_reason import ExitReason, LimitStatus
-from traction_controller.slip_control import Mode, SlipControl
-from traction_model.vehicle import load_vehicle
+from traction_controller.control.exit_reason import ExitReason, LimitStatus
+from traction_controller.control.slip_control import Mode, SlipControl
+from traction_model.vehicle.vehicle import load_vehicle
 
 RIG = load_vehicle('single_wheel_rig')
 TRACTOR = load_vehicle('tractor_4wd')

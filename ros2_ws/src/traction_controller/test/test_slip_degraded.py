@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from traction_controller.control_law import LAWS
-from traction_controller.driveline import Differential, Grouping
-from traction_controller.exit_reason import ExitReason, LimitStatus
-from traction_controller.slip_control import Degraded, Mode, SlipControl
-from traction_model.vehicle import load_vehicle
+from traction_controller.control.driveline import Differential, Grouping
+from traction_controller.control.exit_reason import ExitReason, LimitStatus
+from traction_controller.control.laws.law import LAWS
+from traction_controller.control.slip_control import Degraded, Mode, SlipControl
+from traction_model.vehicle.vehicle import load_vehicle
 
 TRACTOR = load_vehicle('tractor_4wd')
 LOADS = [float(load) for load in TRACTOR.static_loads()]

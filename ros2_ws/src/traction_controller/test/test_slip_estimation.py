@@ -3,21 +3,21 @@
 import copy
 import math
 
-import make_bags
 import numpy as np
 import pytest
 
-from traction_controller.slip_estimation import (
+from traction_controller.estimation.slip_filter import (
     GUESSED_SOIL,
     EstimatorNoise,
     SlipEstimation,
     Source,
 )
-from traction_controller.trial import steady_pull
-from traction_model.sensors import Tachometer
+from traction_evaluation.closed_loop.trial import steady_pull
+from traction_evaluation.verification import chrono_bags as make_bags
+from traction_model.simulation.sensors import Tachometer
 from traction_model.slip import slip
-from traction_model.soil import load_soil
-from traction_model.vehicle import load_vehicle
+from traction_model.soil.soil import load_soil
+from traction_model.vehicle.vehicle import load_vehicle
 
 RADAR_SIGMA = 0.05  # m/s, as in bags/README.md
 
@@ -125,7 +125,8 @@ def test_radar_gap_of_five_seconds(chrono, name, start):
 
 @pytest.mark.parametrize(
     ('name', 'entered'),
-    # x of the wheel at 8.5 m, of the rear wheels at 22 m: see traction_model.chrono.
+    # x of the wheel at 8.5 m, of the rear wheels at 22 m: see
+    # traction_evaluation.verification.chrono.
     [('wheel_soft_patch', 8.5), ('tractor_soft_patch', 22.0)],
 )
 def test_shear_strength_of_a_soft_patch_within_three_seconds(chrono, name, entered):

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from traction_controller.control_law import LAWS
-from traction_controller.driveline import DRIVEN_AXLES, Differential, Grouping
-from traction_controller.exit_reason import ExitReason, LimitStatus
-from traction_controller.gain_table import read_gain_table
-from traction_controller.slip_control import Mode, SlipControl, TargetSource
-from traction_model.vehicle import load_vehicle
+from traction_controller.control.driveline import DRIVEN_AXLES, Differential, Grouping
+from traction_controller.control.exit_reason import ExitReason, LimitStatus
+from traction_controller.control.laws.law import LAWS
+from traction_controller.control.slip_control import Mode, SlipControl, TargetSource
+from traction_controller.synthesis.gain_table import read_gain_table
+from traction_model.vehicle.vehicle import load_vehicle
 
 TRACTOR = load_vehicle('tractor_4wd')
 LOADS = [float(load) for load in TRACTOR.static_loads()]

@@ -6,15 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from traction_controller.control_law import LAWS
-from traction_controller.driveline import Differential, Grouping
-from traction_controller.gain_table import read_gain_table
-from traction_controller.slip_control import Mode, SlipControl
-from traction_model.contact import shear_deficit
-from traction_model.simulate import Drawbar, Plant
-from traction_model.soil import load_soil
-from traction_model.terrain import Terrain
-from traction_model.vehicle import load_vehicle
+from traction_controller.control.driveline import Differential, Grouping
+from traction_controller.control.laws.law import LAWS
+from traction_controller.control.slip_control import Mode, SlipControl
+from traction_controller.synthesis.gain_table import read_gain_table
+from traction_model.contact.contact import shear_deficit
+from traction_model.simulation.simulate import Drawbar, Plant
+from traction_model.soil.soil import load_soil
+from traction_model.soil.terrain import Terrain
+from traction_model.vehicle.vehicle import load_vehicle
 
 TRACTOR = load_vehicle('tractor_4wd')
 RADII = np.array([wheel.radius for wheel in TRACTOR.wheels])

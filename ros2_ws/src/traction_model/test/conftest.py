@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from traction_model.chrono import CHRONO_RUNS, read_chrono
+from traction_evaluation.verification.chrono import CHRONO_RUNS, read_chrono
 
 BAGS = Path(__file__).resolve().parents[4] / 'bags'
 

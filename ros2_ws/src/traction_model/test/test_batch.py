@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from traction_model import Drawbar, Form, Terrain, load_soil, load_vehicle, simulate
-from traction_model.batch import simulate_batch
-from traction_model.gpu import NoGpuError, missing
+from traction_model.simulation.batch import simulate_batch
+from traction_model.simulation.gpu import NoGpuError, missing
 
 RIG = load_vehicle('single_wheel_rig')
 TRACTOR = load_vehicle('tractor_4wd')
@@ -68,7 +68,7 @@ ON_GPU = """
 import json
 import numpy as np
 from traction_model import Drawbar, Form, load_soil, load_vehicle
-from traction_model.batch import simulate_batch
+from traction_model.simulation.batch import simulate_batch
 torque = np.tile([1500.0, 1500.0, 5000.0, 5000.0], (9, 1))
 drawbars = [Drawbar(1000.0 * k) for k in range(3)]
 print(json.dumps([

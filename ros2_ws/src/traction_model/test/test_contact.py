@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from traction_model.contact import (
+from traction_model.contact.contact import (
     EVERYWHERE,
     FREE,
     LEAST_TRANSIT_SPEED,
@@ -22,10 +22,10 @@ from traction_model.contact import (
     shear_deficit,
     sinkage_at,
 )
-from traction_model.empirical import Brixius, Burckhardt, Pacejka
-from traction_model.rut import fresh_ruts, press_rut
-from traction_model.soil import Soil, load_soil, preset_soils
-from traction_model.wheel import Wheel
+from traction_model.soil.empirical import Brixius, Burckhardt, Pacejka
+from traction_model.soil.rut import fresh_ruts, press_rut
+from traction_model.soil.soil import Soil, load_soil, preset_soils
+from traction_model.vehicle.wheel import Wheel
 
 # Agriculture 2024, 14(3), 499, Table 1.
 RADIUS, WIDTH = 0.5, 0.4

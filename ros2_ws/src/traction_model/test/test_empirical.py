@@ -8,7 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from traction_model.empirical import (
+from traction_model.soil.empirical import (
     CURVE_COLUMNS,
     Brixius,
     Burckhardt,

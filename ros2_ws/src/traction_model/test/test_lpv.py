@@ -10,21 +10,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from traction_model.contact import UNTOUCHED, Form, contact, equilibrium_sinkage
-from traction_model.coupling import Coupling, constraint_matrix
-from traction_model.empirical import Brixius
-from traction_model.lpv import (
+from traction_model.contact.contact import UNTOUCHED, Form, contact, equilibrium_sinkage
+from traction_model.lpv.model import (
     LpvModel,
     controllability_rank,
     sampled,
     slip_dynamics,
     wheel_speed,
 )
-from traction_model.lpv_representation import AffineModel, GridModel
-from traction_model.simulate import Drawbar, derivative, pack, simulate
-from traction_model.soil import Soil, load_soil, preset_soils
-from traction_model.vehicle import Axle, Vehicle, load_vehicle
-from traction_model.wheel import Wheel
+from traction_model.lpv.representation import AffineModel, GridModel
+from traction_model.simulation.simulate import Drawbar, derivative, pack, simulate
+from traction_model.soil.empirical import Brixius
+from traction_model.soil.soil import Soil, load_soil, preset_soils
+from traction_model.vehicle.coupling import Coupling, constraint_matrix
+from traction_model.vehicle.vehicle import Axle, Vehicle, load_vehicle
+from traction_model.vehicle.wheel import Wheel
 
 # Agriculture 2024, 14(3), 499, Table 1; sinkage held at 0.15 m.
 WHEEL = Wheel(radius=0.5, width=0.4, inertia=20)
@@ -955,7 +955,7 @@ def test_importing_the_package_leaves_costly_libraries_alone():
         capture_output=True, text=True, check=True,
     )  # fmt: skip
     loaded = set(done.stdout.split())
-    assert 'traction_model.lpv' in loaded
+    assert 'traction_model.lpv.model' in loaded
     assert loaded.isdisjoint({'control', 'scipy.linalg', 'scipy.interpolate', 'matplotlib'})
 
 

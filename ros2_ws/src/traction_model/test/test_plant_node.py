@@ -7,9 +7,9 @@ import pytest
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
-from traction_model.vehicle import load_vehicle
+from traction_model.vehicle.vehicle import load_vehicle
 from traction_node import diagnostic
-from traction_node.graph import NodeProcess, Probe, executable
+from traction_node.probe import NodeProcess, Probe, executable
 from traction_node.stamp import seconds, to_stamp
 
 WHEELS = list(load_vehicle('tractor_4wd').wheel_names)

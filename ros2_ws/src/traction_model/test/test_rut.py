@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from traction_model.contact import EVERYWHERE, FREE, UNTOUCHED, forces_at
-from traction_model.rut import BEHIND, CELL, fresh_ruts, press_rut, rut_at
-from traction_model.simulate import simulate
-from traction_model.soil import load_soil
-from traction_model.vehicle import Axle, Vehicle, load_vehicle
-from traction_model.wheel import Wheel
+from traction_model.contact.contact import EVERYWHERE, FREE, UNTOUCHED, forces_at
+from traction_model.simulation.simulate import simulate
+from traction_model.soil.rut import BEHIND, CELL, fresh_ruts, press_rut, rut_at
+from traction_model.soil.soil import load_soil
+from traction_model.vehicle.vehicle import Axle, Vehicle, load_vehicle
+from traction_model.vehicle.wheel import Wheel
 
 RADIUS, WIDTH = 0.5, 0.4
 WHEEL = Wheel(radius=RADIUS, width=WIDTH, inertia=20)

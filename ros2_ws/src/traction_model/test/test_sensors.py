@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from traction_model.sensors import Radar, RadarModel, Tachometer
+from traction_model.simulation.sensors import Radar, RadarModel, Tachometer
 
 
 def test_tachometer_counts_pulses():

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from traction_model.contact import (
+from traction_model.contact.contact import (
     EVERYWHERE,
     FREE,
     UNTOUCHED,
@@ -19,11 +19,17 @@ from traction_model.contact import (
     equilibrium_sinkage,
     forces_at,
 )
-from traction_model.empirical import Burckhardt
-from traction_model.simulate import Drawbar, Plant, drawbar_force, initial_state, simulate
-from traction_model.soil import load_soil
-from traction_model.terrain import Terrain
-from traction_model.vehicle import load_vehicle
+from traction_model.simulation.simulate import (
+    Drawbar,
+    Plant,
+    drawbar_force,
+    initial_state,
+    simulate,
+)
+from traction_model.soil.empirical import Burckhardt
+from traction_model.soil.soil import load_soil
+from traction_model.soil.terrain import Terrain
+from traction_model.vehicle.vehicle import load_vehicle
 
 RIG = load_vehicle('single_wheel_rig')
 TRACTOR = load_vehicle('tractor_4wd')

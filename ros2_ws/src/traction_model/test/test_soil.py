@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from traction_model.contact import mean_mobilised, mobilised
+from traction_model.contact.contact import mean_mobilised, mobilised
 from traction_model.definition import DefinitionError
-from traction_model.soil import (
+from traction_model.soil.soil import (
     HUMP,
     RESIDUAL,
     SHEAR_LAW,
@@ -20,7 +20,7 @@ from traction_model.soil import (
     preset_soils,
     read_soils,
 )
-from traction_model.wheel import Wheel
+from traction_model.vehicle.wheel import Wheel
 
 # Wong, Terramechanics and Off-Road Vehicle Engineering, 2009, as tabulated in the open
 # literature: k_phi kN/m^(n+2), k_c kN/m^(n+1), n, c kPa, phi deg, K m.

@@ -9,7 +9,7 @@ import yaml
 
 from traction_model import Soil, Trajectory, load_soil, load_vehicle
 from traction_model.definition import DefinitionError
-from traction_model.sweep import (
+from traction_model.simulation.sweep import (
     FIGURES,
     Draft,
     Scenario,
@@ -344,7 +344,7 @@ def test_a_fault_of_the_program_is_a_row_that_names_it(define, monkeypatch):
     def fail(*args, **kwargs):
         raise ZeroDivisionError('x')
 
-    monkeypatch.setattr('traction_model.sweep.simulate', fail)
+    monkeypatch.setattr('traction_model.simulation.sweep.simulate', fail)
     sweep = read_sweep(define())
     [row] = simulate_draws(sweep, sweep.draws()[:1])
     assert row['error'] == 'ZeroDivisionError: x'

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from traction_model.definition import DefinitionError
-from traction_model.soil import Soil, load_soil
-from traction_model.terrain import Terrain, load_terrain, soil_row
-from traction_model.wheel import Wheel
+from traction_model.soil.soil import Soil, load_soil
+from traction_model.soil.terrain import Terrain, load_terrain, soil_row
+from traction_model.vehicle.wheel import Wheel
 
 
 def test_terrain_packs_soils_in_order():

@@ -7,18 +7,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from traction_model.contact import Form, contact
-from traction_model.empirical import Brixius, Burckhardt, Pacejka, fit_curve
-from traction_model.soil import load_soil, preset_soils
-from traction_model.tractive import (
+from traction_model.contact.contact import Form, contact
+from traction_model.contact.tractive import (
     LARGEST_SLIP,
     greatest_pull_slip,
     optimum_slip,
     steady_contact,
     tractive_figures,
 )
-from traction_model.vehicle import load_vehicle
-from traction_model.wheel import Wheel
+from traction_model.soil.empirical import Brixius, Burckhardt, Pacejka, fit_curve
+from traction_model.soil.soil import load_soil, preset_soils
+from traction_model.vehicle.vehicle import load_vehicle
+from traction_model.vehicle.wheel import Wheel
 
 TRACTOR = load_vehicle('tractor_4wd')
 REAR = TRACTOR.wheels[-1]

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from traction_model.definition import DefinitionError
-from traction_model.simulate import Drawbar, simulate
-from traction_model.soil import load_soil
-from traction_model.vehicle import Axle, Vehicle, load_vehicle
-from traction_model.wheel import Wheel
+from traction_model.simulation.simulate import Drawbar, simulate
+from traction_model.soil.soil import load_soil
+from traction_model.vehicle.vehicle import Axle, Vehicle, load_vehicle
+from traction_model.vehicle.wheel import Wheel
 
 VEHICLE = """
 chassis_mass: 1000

@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from traction_model.soil import COHESION, TAN_PHI, load_soil
-from traction_model.wheel import Wheel
+from traction_model.soil.soil import COHESION, TAN_PHI, load_soil
+from traction_model.vehicle.wheel import Wheel
 
 
 def test_grousers_by_hand():

@@ -1,21 +1,21 @@
 """Terramechanics of wheels on soft soil: soils, wheels, vehicles, contact forces, motion."""
 
-from traction_model.batch import Batch, simulate_batch
-from traction_model.contact import Form
-from traction_model.definition import DefinitionError
-from traction_model.empirical import Brixius, Burckhardt, CurveFit, Pacejka, fit_curve
-from traction_model.lpv import LpvModel
-from traction_model.simulate import Drawbar, Plant, Trajectory, simulate
-from traction_model.soil import Soil, load_soil, preset_soils, read_soils
-from traction_model.terrain import Terrain, load_terrain
-from traction_model.tractive import (
+from traction_model.contact.contact import Form
+from traction_model.contact.tractive import (
     TractiveFigures,
     greatest_pull_slip,
     optimum_slip,
     tractive_figures,
 )
-from traction_model.vehicle import Axle, Vehicle, load_vehicle
-from traction_model.wheel import Wheel
+from traction_model.definition import DefinitionError
+from traction_model.lpv.model import LpvModel
+from traction_model.simulation.batch import Batch, simulate_batch
+from traction_model.simulation.simulate import Drawbar, Plant, Trajectory, simulate
+from traction_model.soil.empirical import Brixius, Burckhardt, CurveFit, Pacejka, fit_curve
+from traction_model.soil.soil import Soil, load_soil, preset_soils, read_soils
+from traction_model.soil.terrain import Terrain, load_terrain
+from traction_model.vehicle.vehicle import Axle, Vehicle, load_vehicle
+from traction_model.vehicle.wheel import Wheel
 
 __all__ = [
     'Axle',

@@ -12,7 +12,7 @@ from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 
 from traction_node import diagnostic
-from traction_node.graph import NodeProcess, Probe, executable
+from traction_node.probe import NodeProcess, Probe, executable
 from traction_node.stamp import to_stamp
 
 SAMPLE_NODES = Path(__file__).with_name('sample_nodes.py')

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tractor_io.address_claim import (
+from tractor_io.can.address_claim import (
     ARBITRARY,
     CLAIMED_PGN,
     REQUEST_PGN,
@@ -11,7 +11,7 @@ from tractor_io.address_claim import (
     Claim,
     name_of,
 )
-from tractor_io.j1939 import GLOBAL, NULL, Identifier
+from tractor_io.can.j1939 import GLOBAL, NULL, Identifier
 
 LOW = name_of(identity=1, manufacturer=100, function=130)
 HIGH = name_of(identity=2, manufacturer=100, function=130)

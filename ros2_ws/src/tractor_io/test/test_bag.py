@@ -11,7 +11,7 @@ from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from traction_node.node import QOS as NODE_QOS
-from tractor_io.bag import QOS, BagError, BagReader, BagWriter, Qos, Topic, typestore
+from tractor_io.bags.bag import QOS, BagError, BagReader, BagWriter, Qos, Topic, typestore
 
 JOINT_STATE = 'sensor_msgs/msg/JointState'
 SLIP = 'traction_interfaces/msg/SlipEstimate'

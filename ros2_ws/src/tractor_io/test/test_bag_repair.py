@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from tractor_io.bag import BagError, BagReader, BagWriter, Qos, typestore
-from tractor_io.bag_repair import cut_bag, repair_bag
+from tractor_io.bags.bag import BagError, BagReader, BagWriter, Qos, typestore
+from tractor_io.bags.repair import cut_bag, repair_bag
 
 JOINT_STATE = 'sensor_msgs/msg/JointState'
 MS = 1_000_000

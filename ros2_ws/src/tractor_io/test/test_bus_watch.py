@@ -4,9 +4,9 @@ import math
 
 import pytest
 
-from tractor_io.bus_watch import BusWatch
-from tractor_io.j1939 import Unknown
-from tractor_io.parameter_group import FrameError, tractor_groups
+from tractor_io.can.bus_watch import BusWatch
+from tractor_io.can.j1939 import Unknown
+from tractor_io.can.parameter_group import FrameError, tractor_groups
 
 GROUPS = tractor_groups()
 FIELD = 'GroundBasedMachineSpeed'

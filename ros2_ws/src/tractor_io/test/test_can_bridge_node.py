@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
 
-from traction_node.graph import NodeProcess, Probe, executable
-from tractor_io.can_interface import frame, free_port, open_bus
-from tractor_io.parameter_group import FrameError, tractor_groups
-from tractor_io.torque_limit import LimitReader
+from traction_node.probe import NodeProcess, Probe, executable
+from tractor_io.can.interface import frame, free_port, open_bus
+from tractor_io.can.parameter_group import FrameError, tractor_groups
+from tractor_io.can.torque_limit import LimitReader
 
 BRIDGE = executable('tractor_io', 'can_bridge')
 GROUPS = tractor_groups()

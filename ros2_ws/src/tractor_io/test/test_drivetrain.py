@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tractor_io.drivetrain import Drivetrain
+from tractor_io.can.drivetrain import Drivetrain
 
 FOUR = (True, True, False, False)
 

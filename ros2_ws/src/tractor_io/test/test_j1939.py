@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tractor_io.j1939 import GLOBAL, Identifier, Unknown, bits_of, meaning
+from tractor_io.can.j1939 import GLOBAL, Identifier, Unknown, bits_of, meaning
 
 
 def test_identifier_of_an_engine_by_hand():

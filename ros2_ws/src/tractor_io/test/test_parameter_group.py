@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tractor_io.j1939 import Identifier, Unknown
-from tractor_io.parameter_group import FrameError, ParameterGroups, tractor_groups
+from tractor_io.can.j1939 import Identifier, Unknown
+from tractor_io.can.parameter_group import FrameError, ParameterGroups, tractor_groups
 
 GROUPS = tractor_groups()
 PGNS = {

@@ -14,9 +14,9 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
-from traction_node.graph import NodeProcess, Probe, executable
-from tractor_io.bag import QOS, BagError, BagReader, BagWriter, typestore
-from tractor_io.bag_repair import repair_bag
+from traction_node.probe import NodeProcess, Probe, executable
+from tractor_io.bags.bag import QOS, BagError, BagReader, BagWriter, typestore
+from tractor_io.bags.repair import repair_bag
 
 BAGS = Path(__file__).resolve().parents[4] / 'bags'
 DRAWBAR = BAGS / 'wheel_drawbar'
@@ -106,7 +106,7 @@ def test_killed_recorder_loses_less_than_a_second(tmp_path):
 
 def test_bag_tells_versions_and_parameters_of_the_nodes(tmp_path):
     output = tmp_path / 'told'
-    gate = executable('tractor_io', 'torque_gate')
+    gate = executable('torque_gate', 'torque_gate')
     with (
         Probe(namespace='/one') as probe,
         NodeProcess(gate, params={'timeout': 0.07}, namespace='one'),

@@ -4,9 +4,9 @@ import math
 
 import pytest
 
-from tractor_io.j1939 import Unknown
-from tractor_io.parameter_group import FrameError, tractor_groups
-from tractor_io.torque_limit import LimitReader, TorqueLimit, checksum, with_fraction
+from tractor_io.can.j1939 import Unknown
+from tractor_io.can.parameter_group import FrameError, tractor_groups
+from tractor_io.can.torque_limit import LimitReader, TorqueLimit, checksum, with_fraction
 
 GROUPS = tractor_groups()
 

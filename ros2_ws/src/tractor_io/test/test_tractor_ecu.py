@@ -2,13 +2,13 @@
 
 import pytest
 
-from tractor_io.address_claim import WAIT, AddressClaim, name_of
-from tractor_io.drivetrain import Drivetrain
-from tractor_io.j1939 import Unknown
-from tractor_io.parameter_group import tractor_groups
-from tractor_io.torque_limit import TorqueLimit
-from tractor_io.tractor_ecu import ENGINE, LIMIT_TIMEOUT, TractorEcu
-from tractor_io.vehicle_bus import VehicleBus
+from tractor_io.can.address_claim import WAIT, AddressClaim, name_of
+from tractor_io.can.drivetrain import Drivetrain
+from tractor_io.can.ecu import ENGINE, LIMIT_TIMEOUT, TractorEcu
+from tractor_io.can.j1939 import Unknown
+from tractor_io.can.parameter_group import tractor_groups
+from tractor_io.can.torque_limit import TorqueLimit
+from tractor_io.can.vehicle_bus import VehicleBus
 
 GROUPS = tractor_groups()
 RADII = [0.65, 0.65, 0.85, 0.85]

@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from tractor_io.address_claim import CLAIMED_PGN, REQUEST_PGN, WAIT, AddressClaim, name_of
-from tractor_io.drivetrain import Drivetrain
-from tractor_io.gate import REACTION_TIME, WATCHDOG_PERIOD
-from tractor_io.j1939 import Identifier, Unknown
-from tractor_io.parameter_group import tractor_groups
-from tractor_io.torque_limit import PERIOD, LimitReader
-from tractor_io.vehicle_bus import WHEEL_FIELDS, VehicleBus
+from torque_gate.gate import REACTION_TIME, WATCHDOG_PERIOD
+from tractor_io.can.address_claim import CLAIMED_PGN, REQUEST_PGN, WAIT, AddressClaim, name_of
+from tractor_io.can.drivetrain import Drivetrain
+from tractor_io.can.j1939 import Identifier, Unknown
+from tractor_io.can.parameter_group import tractor_groups
+from tractor_io.can.torque_limit import PERIOD, LimitReader
+from tractor_io.can.vehicle_bus import WHEEL_FIELDS, VehicleBus
 
 GROUPS = tractor_groups()
 RADII = [0.65, 0.65, 0.85, 0.85]

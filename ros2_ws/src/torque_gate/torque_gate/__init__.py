@@ -1,0 +1,1 @@
+"""The last check of every wheel torque before the hardware."""

@@ -1,0 +1,1 @@
+"""Slip control: torque of every wheel from its slip."""

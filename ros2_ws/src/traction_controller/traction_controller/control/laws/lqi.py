@@ -1,0 +1,112 @@
+"""Scheduled LQI: a linear-quadratic regulator with integral action at every operating point.
+
+In velocity form every step adds
+
+    du = -k_i*(change of slip) - k_T*(change of shaft torque) + k_z*(target - slip)*dt
+
+to the torque last sent, with the gains of `traction_controller.synthesis.gain_schedule` at the
+present rim speed and slip stiffness.
+"""
+
+from functools import lru_cache
+
+from traction_controller.control.laws.law import Reading
+from traction_controller.synthesis.gain_schedule import ControlWeights, GainSchedule
+from traction_model.vehicle.vehicle import GRAVITY
+from traction_model.vehicle.wheel import Wheel
+
+
+@lru_cache(maxsize=64)
+def shared_schedule(
+    wheel: Wheel, load: float, slip: float, lag: float, dt: float, weights: ControlWeights
+) -> GainSchedule:
+    """Return the schedule of a wheel, the same one for like wheels under like load.
+
+    Parameters
+    ----------
+    wheel, load, slip, lag, dt, weights
+        As `GainSchedule` takes them, SI units.
+
+    Returns
+    -------
+    GainSchedule
+        Computed when first asked for.
+    """
+    return GainSchedule(wheel, load, slip, lag, dt, weights, GRAVITY)
+
+
+class LqiLaw:
+    """Scheduled LQI regulator of slip.
+
+    Parameters
+    ----------
+    wheel : Wheel
+        The wheel.
+    load : float
+        Its static load, N, above 0.
+    slip : float
+        Slip at which the model is linearised, at least 0 and below 1.
+    lag : float
+        Time constant from commanded to shaft torque, s, above 0.
+    dt : float
+        Nominal sampling period, s, above 0.
+    weights : ControlWeights
+        What the regulator weighs against each other.
+
+    Attributes
+    ----------
+    schedule : GainSchedule
+        Its gains, shared by like wheels.
+    gains : tuple of float
+        Gains of the last step: N*m, 1, N*m/s.
+    """
+
+    winds_up = True
+
+    def __init__(
+        self,
+        wheel: Wheel,
+        load: float,
+        *,
+        slip: float,
+        lag: float,
+        dt: float,
+        weights: ControlWeights = ControlWeights(),
+    ) -> None:
+        # Rounded, as sums of the same loads may differ in their last digits.
+        self.schedule = shared_schedule(wheel, round(load, 6), slip, lag, dt, weights)
+        self.gains: tuple[float, ...] = (0.0, 0.0, 0.0)
+        self._last: tuple[float, float] | None = None
+
+    def reset(self) -> None:
+        """Forget slip and torque of the last step."""
+        self._last = None
+
+    def torque(self, reading: Reading, target: float, sent: float, dt: float) -> float:
+        """Find the torque of one step; see `traction_controller.control.laws.law.SlipLaw`.
+
+        Parameters
+        ----------
+        reading : Reading
+            The wheel as it is, SI units.
+        target : float
+            Slip to reach, 0.01 to 0.9.
+        sent : float
+            Torque that was really sent at the last step, N*m.
+        dt : float
+            Time since the last step, s, at least 0.
+
+        Returns
+        -------
+        float
+            Torque wanted, N*m, before limits.
+        """
+        self.gains = self.schedule.at(reading.rim_speed, reading.stiffness)
+        slip_gain, torque_gain, integral_gain = self.gains
+        slip, shaft = reading.slip, reading.shaft_torque
+        torque = sent + integral_gain * (target - slip) * dt
+        if self._last is not None:
+            last_slip, last_shaft = self._last
+            torque -= slip_gain * (slip - last_slip) + torque_gain * (shaft - last_shaft)
+        self._last = slip, shaft
+        return torque

@@ -1,0 +1,214 @@
+"""Set-point seeker: the slip worth aiming at on the soil that is there.
+
+At a common slip the wheels take gross traction in and pass net traction on, and
+
+    J(i) = (1 - w)*TE(i)/max(TE) + w*P(i)/max(P)
+
+weighs the tractive efficiency TE against the pull P; its greatest value within bounds is the
+goal. The forces are those of the contact form (`traction_model.contact.tractive`) on the nominal
+soil with cohesion and tan(phi) scaled so that it has the estimated maximum shear stress, and with
+the estimated shear deformation modulus K. They are computed once over a grid of strength, K and
+slip (some tenths of a second for two axles), so that finding the goal takes some tens of
+microseconds. The target follows the goal through a lag and no faster than a rate.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from traction_model.contact.tractive import static_contact_length, tractive_figures
+from traction_model.soil.soil import Soil
+from traction_model.vehicle.vehicle import Vehicle
+from traction_model.vehicle.wheel import Wheel
+
+# Grids: strength and K in multiples of the nominal soil's, even in their logarithms.
+_STRENGTHS = np.geomspace(0.2, 5.0, 13)
+_MODULI = np.geomspace(0.25, 4.0, 9)
+_SLIPS = np.linspace(0.01, 0.6, 60)
+
+
+class SetPoint:
+    """Seeks the slip target from the estimated soil.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        The vehicle.
+    soil : Soil
+        The nominal soil, the same as the estimator's: maximum shear stress is estimated over
+        the contact area on it.
+    weight : float
+        w: 0 for the greatest tractive efficiency, 1 for the greatest pull.
+    low, high : float
+        Bounds of the target, slip, 0.01 to 0.6.
+    rate : float
+        Fastest change of the target, slip per second (1/s), above 0.
+    time_constant : float
+        Lag of the target behind the goal, s, above 0.
+
+    Attributes
+    ----------
+    target : float or None
+        Slip to aim at now; None before a soil is known.
+    goal : float or None
+        Slip that is best on the soil as estimated last.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument that is out of range, or if the nominal soil does not carry a wheel.
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        soil: Soil,
+        weight: float = 0.0,
+        low: float = 0.05,
+        high: float = 0.3,
+        rate: float = 0.01,
+        time_constant: float = 5.0,
+    ) -> None:
+        if not 0.01 <= low <= high <= 0.6:
+            raise ValueError(f'bounds of the target must be 0.01 to 0.6, got {low} to {high}')
+        for name, value in (('rate', rate), ('time_constant', time_constant)):
+            if not (math.isfinite(value) and value > 0):
+                raise ValueError(f'{name} must be above 0, got {value}')
+        self.set_weight(weight)
+        self.low, self.high, self.rate, self.time_constant = low, high, rate, time_constant
+        self._modulus = soil.shear_deformation_modulus
+        # Of every wheel: nominal maximum shear stress, Pa, and where its curves are.
+        self._nominal: list[float] = []
+        self._kind: list[int] = []
+        kinds: list[tuple[Wheel, float]] = []
+        for wheel, exact in zip(vehicle.wheels, vehicle.static_loads(), strict=True):
+            load = round(float(exact), 6)
+            area = wheel.width * static_contact_length(soil, wheel, load)
+            self._nominal.append(soil.max_shear_stress(load / area))
+            if (wheel, load) not in kinds:
+                kinds.append((wheel, load))
+            self._kind.append(kinds.index((wheel, load)))
+        # Gross and net traction, N, of every kind of wheel over strength, K and slip.
+        self._curves = np.empty((len(kinds), len(_STRENGTHS), len(_MODULI), 2, len(_SLIPS)))
+        for k, (wheel, load) in enumerate(kinds):
+            for p, strength in enumerate(_STRENGTHS):
+                for q, modulus in enumerate(_MODULI):
+                    ground = soil.sheared(float(strength), float(modulus))
+                    figures = tractive_figures(ground, wheel, _SLIPS, load)
+                    self._curves[k, p, q] = figures.gross_traction, figures.net_traction
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget soil, goal and target."""
+        # Strength and K of every wheel in multiples of the nominal soil's; None: not known.
+        self._soils: list[tuple[float, float] | None] = [None] * len(self._nominal)
+        self.target: float | None = None
+        self.goal: float | None = None
+
+    def set_weight(self, weight: float) -> None:
+        """Weigh pull otherwise against efficiency.
+
+        Parameters
+        ----------
+        weight : float
+            w, 0 to 1, dimensionless.
+
+        Raises
+        ------
+        ValueError
+            If it is not within 0 to 1.
+        """
+        if not 0 <= weight <= 1:
+            raise ValueError(f'weight must be 0 (efficiency) to 1 (pull), got {weight}')
+        self.weight = weight
+
+    def update(
+        self,
+        dt: float,
+        present: float,
+        max_shear_stress: Sequence[float],
+        valid: Sequence[bool],
+        shear_deformation_modulus: Sequence[float] | None = None,
+    ) -> float | None:
+        """Take in a terrain estimate and move the target.
+
+        Parameters
+        ----------
+        dt : float
+            Time since the last update, s, at least 0.
+        present : float
+            Slip target in force: where the first target starts from.
+        max_shear_stress : sequence of float
+            Of every wheel, Pa.
+        valid : sequence of bool
+            Whether each means anything; what was known of the others before still holds.
+        shear_deformation_modulus : sequence of float or None
+            K of every wheel, m; NaN or None: the nominal soil's.
+
+        Returns
+        -------
+        float or None
+            The target, slip; None as long as no wheel's soil has been known.
+        """
+        for j, stress in enumerate(max_shear_stress):
+            if valid[j] and math.isfinite(stress) and stress > 0.0:
+                modulus = self._modulus
+                if shear_deformation_modulus is not None:
+                    given = shear_deformation_modulus[j]
+                    modulus = given if math.isfinite(given) and given > 0.0 else modulus
+                self._soils[j] = stress / self._nominal[j], modulus / self._modulus
+        goal = self._best()
+        if goal is None:
+            return self.target
+        self.goal = goal
+        if self.target is None:
+            self.target = min(max(present, self.low), self.high)
+        change = (goal - self.target) * (1.0 - math.exp(-dt / self.time_constant))
+        most = self.rate * dt
+        self.target += min(max(change, -most), most)
+        return self.target
+
+    def _best(self) -> float | None:
+        """Slip of the greatest J within the bounds; None where nothing is known or pulls."""
+        gross, net = np.zeros((2, len(_SLIPS)))
+        for soil, kind in zip(self._soils, self._kind, strict=True):
+            if soil is not None:
+                curves = self._interpolated(kind, *soil)
+                gross += curves[0]
+                net += curves[1]
+        within = (_SLIPS - self.low > -1e-9) & (_SLIPS - self.high < 1e-9)
+        efficiency = np.where(net > 0.0, (1.0 - _SLIPS) * net / np.maximum(gross, 1e-9), 0.0)
+        if efficiency.max() <= 0.0:
+            return None
+        worth = (1.0 - self.weight) * efficiency / efficiency.max()
+        worth += self.weight * net / net.max()
+        worth[~within] = -np.inf
+        best = int(np.argmax(worth))
+        goal = float(_SLIPS[best])
+        if within[best - 1 : best + 2].sum() == 3:
+            # Top of the parabola through the best and its neighbours.
+            before, top, after = worth[best - 1 : best + 2]
+            lean = float(0.5 * (before - after) / (before - 2.0 * top + after))
+            goal += lean * float(_SLIPS[1] - _SLIPS[0])
+        return min(max(goal, self.low), self.high)
+
+    def _interpolated(self, kind: int, strength: float, modulus: float) -> NDArray[np.float64]:
+        """Gross and net traction over slip of one kind of wheel, N, shape (2, slips)."""
+        p, along_p = _place(strength, _STRENGTHS)
+        q, along_q = _place(modulus, _MODULI)
+        cell = self._curves[kind, p : p + 2, q : q + 2]
+        low, high = cell[0], cell[1]
+        at_low = (1.0 - along_q) * low[0] + along_q * low[1]
+        at_high = (1.0 - along_q) * high[0] + along_q * high[1]
+        return np.asarray((1.0 - along_p) * at_low + along_p * at_high)
+
+
+def _place(value: float, grid: NDArray[np.float64]) -> tuple[int, float]:
+    """Cell of a grid even in logarithms that holds a value, and how far into it, 0 to 1."""
+    cells = len(grid) - 1
+    position = math.log(value / grid[0]) / math.log(grid[-1] / grid[0]) * cells
+    position = min(max(position, 0.0), float(cells))
+    cell = min(int(position), cells - 1)
+    return cell, position - cell

@@ -1,0 +1,1 @@
+"""Estimation of slip, speed, soil and pose from what the vehicle measures."""

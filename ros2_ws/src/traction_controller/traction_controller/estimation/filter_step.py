@@ -1,0 +1,540 @@
+"""The step of slip estimation: a reading of all wheels, a reading of the speed over ground.
+
+State for n wheels: speed v, drawbar d (all that holds the vehicle back but soil: drawbar pull,
+grade, air), then for each wheel the logarithms of three factors on the nominal soil under it:
+strength, shear deformation modulus K, and sinkage modulus k. From shaft torque and tachometer
+each wheel's moment M is known, and its motion resistance R from the contact form, so that
+
+    v' = (sum_j (M_j/r_j - R_j) - d)/m.
+
+Every wheel measures M_j, which the contact form gives as a function of slip and soil, with the
+load that acceleration and drawbar leave on the wheel and in the rut that it runs in. A
+radar or a satellite receiver measures v.
+
+Soil that changes shows in M before it shows in v: a wheel speeds up within 50 ms to the slip
+that its torque takes on the new soil, when the vehicle has hardly slowed down. A wheel whose
+moment lies off its curve for several readings is held back for a contact length, and then starts
+from the nominal soil with the variance of a changed soil.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from traction_controller.estimation.kalman import (
+    forget,
+    line_through,
+    optimal_gain,
+    spread,
+    take_in,
+)
+from traction_controller.estimation.wheel_contact import quasi_static
+from traction_model.contact.contact import LEAST_TRANSIT_SPEED
+from traction_model.kernel import kernel
+from traction_model.slip import is_valid
+from traction_model.soil.rut import press_rut
+from traction_model.vehicle.vehicle import GRAVITY
+from traction_model.vehicle.wheel import (
+    FRICTION,
+    INERTIA,
+    POSITION,
+    RADIUS,
+    STATIC_LOAD,
+    TRACK,
+    WIDTH,
+)
+
+Array = NDArray[np.float64]
+
+# State: speed, drawbar, then three factors for each wheel.
+SPEED, DRAWBAR, FIRST_WHEEL = range(3)
+PER_WHEEL = 3
+
+# What is kept of each wheel beside the state: wheel speed and its variance (as the tachometer's
+# pulses leave it), smoothed wheel speed and drive torque, moment, load, sinkage, shear
+# displacement left, resistance and its slopes (over v and the three factors) and rest, slopes of
+# moment over v and of sinkage over k, mean surprise, place until which it is held back, and the
+# filter of the counted angle: angle ahead of it and three entries of a covariance.
+(
+    OMEGA, OMEGA_VARIANCE, SMOOTH_OMEGA, SMOOTH_DRIVE, MOMENT, LOAD, SINKAGE, SHEAR, RESISTANCE,
+    BY_SPEED, BY_STRENGTH, BY_SHEAR_MODULUS, BY_SINKAGE_MODULUS, RESISTANCE_REST, MOMENT_SLOPE,
+    SINKAGE_SLOPE, SURPRISE, HELD_UNTIL, AHEAD, ANGLE_VARIANCE, ANGLE_OMEGA, MEMORY,
+) = range(22)  # fmt: skip
+
+# And of the vehicle: time, place along the path, distance since standstill, acceleration of the
+# last step and smoothed, time of the last change of soil, smoothed thrust of all wheels.
+TIME, PLACE, TRAVELLED, ACCELERATION, SMOOTH_ACCELERATION, CHANGED, SMOOTH_THRUST, SCALARS = range(
+    8
+)
+
+
+class Noise(NamedTuple):
+    """Numbers that the filter is run with.
+
+    Attributes
+    ----------
+    speed, drawbar : float
+        Random walks, m/s per sqrt(s) and N per sqrt(s).
+    moment : float
+        Standard deviation of a moment over radius and static load, dimensionless.
+    slip : float
+        Standard deviation of the slip at which a moment is reached, dimensionless.
+    wheel_speed : float
+        Standard deviation of a reading of an ideal tachometer, rad/s.
+    wheel_acceleration : float
+        Random walk of the wheel speed between pulses, as a share of it, 1/sqrt(s).
+    pulse : float
+        Angle from pulse to pulse, rad; 0 for an ideal tachometer.
+    least_speed : float
+        Speed below which slip is not used, m/s.
+    """
+
+    speed: float
+    drawbar: float
+    moment: float
+    slip: float
+    wheel_speed: float
+    wheel_acceleration: float
+    pulse: float
+    least_speed: float
+
+
+class Body(NamedTuple):
+    """What does not change of vehicle and soil, n wheels.
+
+    Attributes
+    ----------
+    wheels : ndarray, shape (n, 7)
+        Packed wheels, SI units.
+    soils : ndarray, shape (n, 17)
+        The packed nominal soil as each wheel meets it, SI units.
+    spread : ndarray, shape (n, 2)
+        Load of a wheel, N, per N of total load and per N*m of its moment.
+    drift, changed : ndarray, shape (3, 3)
+        Covariance of a wheel's three factors: what they gain per second, 1/s, and when the soil
+        has changed, dimensionless.
+    mass, cg_x, cg_height, hitch_height : float
+        kg, m, m, m.
+    """
+
+    wheels: Array
+    soils: Array
+    spread: Array
+    drift: Array
+    changed: Array
+    mass: float
+    cg_x: float
+    cg_height: float
+    hitch_height: float
+
+
+# Time constant of the filter of moments, s, and of acceleration for load transfer.
+FILTER = 0.04
+TRANSFER_FILTER = 0.1
+# Thrust that changes moves what holds the vehicle back, as draft that grows with speed does: by
+# which share, one standard deviation, of how much it changed over this time, s.
+DRAWBAR_SHARE, DRAWBAR_FILTER = 0.25, 0.3
+# Quasi-static contact holds some way after a start, and after a change of soil: how many times
+# larger deviations are at first, and over what share of the radius that fades.
+START_DOUBT, START_LENGTH = 100.0, 0.6
+CHANGE_DOUBT, CHANGE_LENGTH = 3.0, 0.4
+# On soil that is not the nominal one the model errs more: how much more.
+OFF_NOMINAL = 1.0
+# A second change within so many radii belongs to the first: what was learnt is kept.
+AGAIN = 5.0
+# Mean surprise of a wheel: weight of the newest, the moment's and slip's own deviations
+# (errors last for several readings: these are those of one reading), how much of it shows that
+# the soil has changed, and from which on the wheel is trusted less.
+SURPRISE_SHARE = 0.2
+SURPRISE_MOMENT, SURPRISE_SLIP = 0.01, 0.015
+CHANGE_SURPRISE = 2.5
+DOUBT_SURPRISE = 2.5
+# After a change of soil the drawbar is taken to change less for a while: share, and time, s.
+STEADY_DRAWBAR, STEADY_TIME = 0.3, 1.5
+# Of counted pulses: wheel speed, rad/s, below which its random walk is no smaller; how far off the
+# middle of the pulse the angle may be expected, in half pulses; and by which share of the square
+# of (excess over a period) the variance of the speed grows.
+LEAST_WALKING, COUNT_SLACK, UNEXPECTED_SPEED = 1.0, 1.2, 0.05
+# Least load on a wheel, as share of its static load, and most drawbar, as share of the weight.
+LEAST_LOAD, MOST_DRAWBAR = 0.2, 0.5
+
+
+@kernel
+def doubt_soil(x, p, wheel, changed, keep):
+    """Take a wheel to stand on soil of which only the nominal one is known, in place.
+
+    Parameters
+    ----------
+    x : ndarray, shape (2 + 3n,)
+        State: m/s, N, logarithms.
+    p : ndarray, shape (2 + 3n, 2 + 3n)
+        Its covariance, in products of these units.
+    wheel : int
+        Number of the wheel, from 0.
+    changed : ndarray, shape (3, 3)
+        Covariance of the factors, dimensionless.
+    keep : bool
+        Whether the estimated factors stay, only that they are not trusted.
+    """
+    first = FIRST_WHEEL + PER_WHEEL * wheel
+    for a in range(PER_WHEEL):
+        if not keep:
+            x[first + a] = 0.0
+        forget(p, first + a, 0.0)
+    for a in range(PER_WHEEL):
+        for b in range(PER_WHEEL):
+            p[first + a, first + b] = changed[a, b]
+
+
+@kernel
+def count_pulses(wheel, reading, dt, noise):
+    """Follow the angle behind the pulses that a tachometer counts, in place.
+
+    A reading is a difference of counted angles over time, so the counted angle is its sum. The
+    true one lies between it and a pulse further on.
+
+    Parameters
+    ----------
+    wheel : ndarray, shape (22,)
+        What is kept of the wheel, SI units.
+    reading : float
+        The tachometer's, rad/s.
+    dt : float
+        Time since the last, s, above 0.
+    noise : Noise
+        SI units.
+    """
+    wheel[AHEAD] += (wheel[OMEGA] - reading) * dt
+    wheel[ANGLE_VARIANCE] += dt * (2.0 * wheel[ANGLE_OMEGA] + dt * wheel[OMEGA_VARIANCE])
+    wheel[ANGLE_OMEGA] += dt * wheel[OMEGA_VARIANCE]
+    walk = noise.wheel_acceleration * max(abs(wheel[OMEGA]), LEAST_WALKING)
+    wheel[OMEGA_VARIANCE] += walk**2 * dt
+    innovation = noise.pulse / 2.0 - wheel[AHEAD]
+    # Unlike other noise a count's is bounded: what is further off has changed its speed.
+    excess = abs(innovation) - COUNT_SLACK * noise.pulse / 2.0
+    if excess > 0.0:
+        wheel[OMEGA_VARIANCE] += UNEXPECTED_SPEED * (excess / dt) ** 2
+    # Evenly spread over a pulse.
+    total = wheel[ANGLE_VARIANCE] + noise.pulse**2 / 12.0
+    of_angle, of_omega = wheel[ANGLE_VARIANCE] / total, wheel[ANGLE_OMEGA] / total
+    wheel[AHEAD] += of_angle * innovation
+    wheel[OMEGA] += of_omega * innovation
+    wheel[OMEGA_VARIANCE] -= of_omega * wheel[ANGLE_OMEGA]
+    wheel[ANGLE_OMEGA] *= 1.0 - of_angle
+    wheel[ANGLE_VARIANCE] *= 1.0 - of_angle
+
+
+@kernel
+def begin(t, omega, torque, x, p, memory, scalars, body, noise):
+    """Take in the first reading of the wheels, in place.
+
+    Parameters
+    ----------
+    t : float
+        Time, s.
+    omega, torque : ndarray, shape (n,)
+        Wheel speeds, rad/s, and shaft torques, N*m, forward positive.
+    x, p : ndarray
+        State and covariance in SI units, see `take_in_wheels`.
+    memory, scalars : ndarray
+        What is kept beside them, SI units, see `take_in_wheels`.
+    body : Body
+        SI units.
+    noise : Noise
+        SI units.
+    """
+    scalars[TIME] = t
+    rims = np.empty(omega.size)
+    for j in range(omega.size):
+        wheel, kept = body.wheels[j], memory[j]
+        rims[j] = wheel[RADIUS] * omega[j]
+        kept[OMEGA] = omega[j]
+        kept[OMEGA_VARIANCE] = noise.wheel_speed**2
+        if noise.pulse > 0.0:
+            # The first reading says within a pulse how far it turned in an unknown time.
+            kept[AHEAD] = noise.pulse / 2.0
+            kept[ANGLE_VARIANCE] = noise.pulse**2 / 12.0
+            kept[OMEGA_VARIANCE] = 1.0 + (0.5 * omega[j]) ** 2
+        kept[SMOOTH_OMEGA] = omega[j]
+        kept[SMOOTH_DRIVE] = torque[j] - wheel[FRICTION] * omega[j]
+        kept[MOMENT] = kept[SMOOTH_DRIVE]
+        kept[LOAD] = wheel[STATIC_LOAD]
+        scalars[SMOOTH_THRUST] += kept[MOMENT] / wheel[RADIUS]
+    # Rolling, give or take half of it: the wheels may be slipping already.
+    rim = float(np.median(rims))
+    x[SPEED] = rim
+    forget(p, SPEED, 1.0 + (0.5 * rim) ** 2)
+
+
+@kernel
+def advance(t, omega, torque, x, p, memory, scalars, ruts, body, noise):
+    """Carry the estimate on to the next reading of the wheels, in place.
+
+    Parameters
+    ----------
+    t : float
+        Time, s, after that of `scalars`.
+    omega, torque : ndarray, shape (n,)
+        Wheel speeds, rad/s, and shaft torques, N*m, forward positive.
+    x, p : ndarray
+        State and covariance in SI units, see `take_in_wheels`.
+    memory, scalars : ndarray
+        What is kept beside them, SI units, see `take_in_wheels`.
+    ruts : Ruts
+        What the wheels have left, extended.
+    body : Body
+        SI units.
+    noise : Noise
+        SI units.
+    """
+    n, m = omega.size, x.size
+    mass = body.mass
+    dt = t - scalars[TIME]
+    share = 1.0 - math.exp(-dt / FILTER)
+    acceleration = -x[DRAWBAR]
+    thrust = 0.0
+    slope = np.zeros(m)
+    slope[DRAWBAR] = -1.0
+    rest = 0.0
+    weight = mass * GRAVITY
+    drawbar = max(-MOST_DRAWBAR * weight, min(MOST_DRAWBAR * weight, x[DRAWBAR]))
+    turn = body.cg_x * weight - body.hitch_height * drawbar
+    for j in range(n):
+        wheel, kept = body.wheels[j], memory[j]
+        before = kept[OMEGA]
+        if noise.pulse > 0.0:
+            count_pulses(kept, omega[j], dt, noise)
+        else:
+            kept[OMEGA] = omega[j]
+        drive = torque[j] - wheel[FRICTION] * kept[OMEGA]
+        # One and the same filter on torque and on the wheel's acceleration, so that their
+        # difference is the filtered moment.
+        spin_up = share / dt * (kept[OMEGA] - kept[SMOOTH_OMEGA])
+        kept[SMOOTH_OMEGA] += share * (kept[OMEGA] - kept[SMOOTH_OMEGA])
+        kept[SMOOTH_DRIVE] += share * (drive - kept[SMOOTH_DRIVE])
+        kept[MOMENT] = kept[SMOOTH_DRIVE] - wheel[INERTIA] * spin_up
+        # The impulse needs no filter: a tachometer's errors cancel from reading to reading.
+        impulse = (drive - wheel[INERTIA] * (kept[OMEGA] - before) / dt) / wheel[RADIUS]
+        acceleration += impulse - kept[RESISTANCE]
+        thrust += kept[MOMENT] / wheel[RADIUS]
+        slope[SPEED] -= kept[BY_SPEED]
+        for a in range(PER_WHEEL):
+            slope[FIRST_WHEEL + PER_WHEEL * j + a] = -kept[BY_STRENGTH + a]
+        rest += kept[RESISTANCE_REST]
+        turn -= wheel[RADIUS] * kept[RESISTANCE]
+    acceleration /= mass
+    slope /= mass
+    v = x[SPEED]
+    x[SPEED] += acceleration * dt
+    # P = F*P*F' with F all identity but for the row of v: first rows, then columns.
+    row = np.zeros(m)
+    for a in range(m):
+        gained = 0.0
+        for b in range(m):
+            gained += slope[b] * p[b, a]
+        row[a] = p[SPEED, a] + dt * gained
+    corner = row[SPEED]
+    for b in range(m):
+        corner += dt * slope[b] * row[b]
+    for a in range(m):
+        p[SPEED, a] = row[a]
+        p[a, SPEED] = row[a]
+    p[SPEED, SPEED] = corner + noise.speed**2 * dt + rest * (dt / mass) ** 2
+    steady = math.exp(-(t - scalars[CHANGED]) / STEADY_TIME)
+    p[DRAWBAR, DRAWBAR] += (noise.drawbar * (1.0 - (1.0 - STEADY_DRAWBAR) * steady)) ** 2 * dt
+    share = 1.0 - math.exp(-dt / DRAWBAR_FILTER)
+    change = thrust - scalars[SMOOTH_THRUST]
+    scalars[SMOOTH_THRUST] += share * change
+    p[DRAWBAR, DRAWBAR] += share * (DRAWBAR_SHARE * change) ** 2
+    for j in range(n):
+        first = FIRST_WHEEL + PER_WHEEL * j
+        for a in range(PER_WHEEL):
+            for b in range(PER_WHEEL):
+                p[first + a, first + b] += body.drift[a, b] * dt
+
+    moved = 0.5 * (v + x[SPEED]) * dt
+    place = scalars[PLACE]
+    scalars[PLACE] += moved
+    scalars[TRAVELLED] += abs(moved)
+    scalars[ACCELERATION] = acceleration
+    share = 1.0 - math.exp(-dt / TRANSFER_FILTER)
+    scalars[SMOOTH_ACCELERATION] += share * (acceleration - scalars[SMOOTH_ACCELERATION])
+    scalars[TIME] = t
+    turn -= body.cg_height * mass * scalars[SMOOTH_ACCELERATION]
+    for j in range(n):
+        wheel, kept = body.wheels[j], memory[j]
+        load = body.spread[j, 0] * weight + body.spread[j, 1] * turn
+        kept[LOAD] = max(LEAST_LOAD * wheel[STATIC_LOAD], load)
+        if kept[SINKAGE] > 0.0:
+            x_from = place + wheel[POSITION]
+            press_rut(
+                x_from, x_from + moved, kept[SINKAGE], kept[SHEAR], wheel[WIDTH],
+                int(wheel[TRACK]), ruts,
+            )  # fmt: skip
+
+
+@kernel
+def take_in_moments(method, x, p, memory, scalars, ruts, body, noise):
+    """Take in the moment of every wheel that slips measurably, in place.
+
+    Parameters
+    ----------
+    method : int
+        A `traction_controller.estimation.kalman.Method`.
+    x, p : ndarray
+        State and covariance in SI units, see `take_in_wheels`.
+    memory, scalars : ndarray
+        What is kept beside them, SI units, see `take_in_wheels`.
+    ruts : Ruts
+        What the wheels have left.
+    body : Body
+        SI units.
+    noise : Noise
+        SI units.
+    """
+    k = 1 + PER_WHEEL
+    entries = np.empty(k, dtype=np.int64)
+    steps = np.empty(k)
+    root = np.zeros((k, k))
+    points = np.empty((1 + 2 * k, k))
+    moments = np.empty(1 + 2 * k)
+    resistances = np.empty(1 + 2 * k)
+    sinkages = np.empty(1 + 2 * k)
+    slope = np.empty(k)
+    h = np.zeros(x.size)
+    gain = np.empty(x.size)
+    soil = np.empty((1, body.soils.shape[1]))
+    travelled = scalars[TRAVELLED]
+    for j in range(memory.shape[0]):
+        wheel, kept = body.wheels[j], memory[j]
+        radius = wheel[RADIUS]
+        omega = kept[OMEGA]
+        v, rim = x[SPEED], radius * omega
+        if not is_valid(v, rim, noise.least_speed) or v * rim < 0.0:
+            for column in range(RESISTANCE, SINKAGE_SLOPE + 1):
+                kept[column] = 0.0
+            continue
+        fastest = max(abs(v), abs(rim))
+        heading = 1.0 if v + rim >= 0.0 else -1.0
+        first = FIRST_WHEEL + PER_WHEEL * j
+        entries[0] = SPEED
+        # Towards more slip on firmer soil, where the curve bends least.
+        steps[0] = -0.01 * heading * fastest
+        for a in range(PER_WHEEL):
+            entries[1 + a] = first + a
+            steps[1 + a] = 0.1
+        steps[PER_WHEEL] = -0.1
+        count = spread(method, x, p, entries, steps, root, points)
+        place = scalars[PLACE] + wheel[POSITION]
+        guess = kept[SINKAGE]
+        left = 0.0
+        for i in range(count):
+            # Not across standstill, where all of it turns round.
+            speed = heading * max(heading * points[i, 0], LEAST_TRANSIT_SPEED)
+            moment, resistance, _, z, shear = quasi_static(
+                speed, omega, kept[LOAD], place, (points[i, 1], points[i, 2], points[i, 3]),
+                body.soils[j], wheel, ruts, guess, soil,
+            )  # fmt: skip
+            moments[i], resistances[i], sinkages[i] = moment, resistance, z
+            if i == 0:
+                guess, left = z, shear
+        kept[SINKAGE], kept[SHEAR] = sinkages[0], left
+        kept[RESISTANCE], kept[RESISTANCE_REST] = line_through(
+            method, resistances, steps, root, slope
+        )
+        kept[BY_SPEED : BY_SPEED + k] = slope
+        line_through(method, sinkages, steps, root, slope)
+        kept[SINKAGE_SLOPE] = slope[PER_WHEEL]
+        expected, rest = line_through(method, moments, steps, root, slope)
+        kept[MOMENT_SLOPE] = slope[0]
+
+        h[:] = 0.0
+        for a in range(k):
+            h[entries[a]] = slope[a]
+        per_slip = slope[0] * fastest
+        # Slip errs by the wheel speed's error, too, as far as pulses leave one.
+        blurred = noise.pulse > 0.0
+        by_pulses = (per_slip * radius / fastest) ** 2 * kept[OMEGA_VARIANCE] if blurred else 0.0
+        innovation = kept[MOMENT] - expected
+        unsettled = 1.0 + START_DOUBT * math.exp(-travelled / (START_LENGTH * radius))
+        past = travelled - kept[HELD_UNTIL]
+        changing = 1.0 + CHANGE_DOUBT * math.exp(-max(past, 0.0) / (CHANGE_LENGTH * radius))
+        changing += OFF_NOMINAL if kept[HELD_UNTIL] > 0.0 else 0.0
+        unit = radius * wheel[STATIC_LOAD]
+        own = (SURPRISE_MOMENT * unit) ** 2 + (SURPRISE_SLIP * per_slip) ** 2 + by_pulses
+        seen = own * (unsettled * changing) ** 2 + rest
+        for a in range(k):
+            for b in range(k):
+                seen += slope[a] * p[entries[a], entries[b]] * slope[b]
+        if past > 0.0 and unsettled < 1.1:
+            surprise = innovation / math.sqrt(seen)
+            kept[SURPRISE] += SURPRISE_SHARE * (surprise - kept[SURPRISE])
+        else:
+            kept[SURPRISE] = 0.0
+        if abs(kept[SURPRISE]) > CHANGE_SURPRISE:
+            kept[SURPRISE] = 0.0
+            doubt_soil(x, p, j, body.changed, kept[HELD_UNTIL] > 0.0 and past < AGAIN * radius)
+            scalars[CHANGED] = scalars[TIME]
+            cosine = max(-1.0, 1.0 - kept[SINKAGE] / radius)
+            kept[HELD_UNTIL] = travelled + radius * math.acos(cosine)
+        if travelled <= kept[HELD_UNTIL]:
+            continue
+        variance = (noise.moment * unit) ** 2 + (noise.slip * per_slip) ** 2 + by_pulses + rest
+        variance *= (unsettled * changing) ** 2 * (1.0 + (kept[SURPRISE] / DOUBT_SURPRISE) ** 4)
+        optimal_gain(p, h, variance, gain)
+        take_in(x, p, h, gain, innovation, variance)
+
+
+@kernel
+def take_in_wheels(method, t, omega, torque, x, p, memory, scalars, ruts, body, noise):
+    """Take in a reading of all wheels but the first, in place.
+
+    Parameters
+    ----------
+    method : int
+        A `traction_controller.estimation.kalman.Method`.
+    t : float
+        Time, s, after that of `scalars`.
+    omega, torque : ndarray, shape (n,)
+        Wheel speeds, rad/s, and shaft torques, N*m, forward positive.
+    x : ndarray, shape (2 + 3n,)
+        State: m/s, N, logarithms.
+    p : ndarray, shape (2 + 3n, 2 + 3n)
+        Its covariance, in products of these units.
+    memory : ndarray, shape (n, 22)
+        What is kept of each wheel, SI units.
+    scalars : ndarray, shape (7,)
+        What is kept of the vehicle, SI units.
+    ruts : Ruts
+        What the wheels have left.
+    body : Body
+        SI units.
+    noise : Noise
+        SI units.
+    """
+    advance(t, omega, torque, x, p, memory, scalars, ruts, body, noise)
+    take_in_moments(method, x, p, memory, scalars, ruts, body, noise)
+
+
+@kernel
+def take_in_speed(x, p, v, variance):
+    """Take in a measured speed over ground, in place.
+
+    Parameters
+    ----------
+    x : ndarray, shape (m,)
+        State, speed first, m/s.
+    p : ndarray, shape (m, m)
+        Its covariance, in products of the state's units.
+    v : float
+        Measured speed, m/s, forward positive.
+    variance : float
+        Its variance, m^2/s^2, above 0.
+    """
+    h = np.zeros(x.size)
+    h[SPEED] = 1.0
+    gain = np.empty(x.size)
+    optimal_gain(p, h, variance, gain)
+    take_in(x, p, h, gain, v - x[SPEED], variance)

@@ -1,0 +1,833 @@
+"""Slip estimation from tachometers, shaft torque, radar and satellite speed.
+
+The filter itself is `traction_controller.estimation.filter_step`; here are its constructor, its
+history and what is read from it. Measurements belong to their stamp, less the latency of their
+sensor. A speed belongs to the newest reading of the wheels that is not younger than it, and is
+compared with what that reading and its acceleration give for its time. State is kept for every
+reading of the last second: what comes late or out of order is put in its place and all after it is
+taken in again, so that the estimate is the same as if it had come in time.
+"""
+
+import copy
+import math
+from bisect import bisect_right
+from collections import deque
+from dataclasses import dataclass, fields
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from traction_controller.estimation.filter_step import (
+    ACCELERATION,
+    BY_STRENGTH,
+    CHANGED,
+    DRAWBAR,
+    FIRST_WHEEL,
+    HELD_UNTIL,
+    MEMORY,
+    MOMENT,
+    MOMENT_SLOPE,
+    OMEGA,
+    OMEGA_VARIANCE,
+    PER_WHEEL,
+    RESISTANCE,
+    SCALARS,
+    SINKAGE,
+    SINKAGE_SLOPE,
+    SPEED,
+    START_DOUBT,
+    START_LENGTH,
+    SURPRISE,
+    TIME,
+    TRAVELLED,
+    Body,
+    Noise,
+    begin,
+    doubt_soil,
+    take_in_speed,
+    take_in_wheels,
+)
+from traction_controller.estimation.kalman import Method, forget, method_named
+from traction_controller.estimation.scheduled_covariance import ScheduledCovariance
+from traction_model.contact.tractive import static_contact_length
+from traction_model.slip import LEAST_SPEED, is_valid, slip
+from traction_model.soil.rut import Ruts, fresh_ruts
+from traction_model.soil.soil import Soil
+from traction_model.vehicle.vehicle import Vehicle
+from traction_model.vehicle.wheel import RADIUS, STATIC_LOAD, TRACK
+
+
+class Source(IntEnum):
+    """What the ground speed rests on, numbered as in ISO 11783-7."""
+
+    WHEEL = 0
+    GROUND = 1
+    BLENDED = 3
+
+
+class SpeedSensor(IntEnum):
+    """What measures the speed over ground."""
+
+    RADAR = 0
+    GNSS = 1
+
+
+@dataclass(frozen=True)
+class EstimatorNoise:
+    """How far each part of the estimator's model is trusted; all above 0.
+
+    Attributes
+    ----------
+    acceleration : float
+        Random walk of the drawbar, as acceleration, m/s^2 per sqrt(s).
+    speed : float
+        Random walk of the speed beyond the model's acceleration, m/s per sqrt(s).
+    soil : float
+        Random walk of the logarithms of strength, shear deformation modulus and sinkage
+        modulus, 1 per sqrt(s).
+    strength, shear_modulus, sinkage_modulus : float
+        Standard deviation of these logarithms where the soil has changed, dimensionless.
+    nominal : float
+        How much of that the nominal soil is off when the estimate starts, dimensionless.
+    thrust : float
+        Standard deviation of a wheel's moment over its radius, as a share of its static
+        load, dimensionless.
+    slip : float
+        Standard deviation of the slip at which a moment is reached, dimensionless: errors
+        of rolling radius and of the curve's shape, which matter most where it is steep.
+    wheel_speed : float
+        Standard deviation of a reading of a tachometer without pulses, rad/s.
+    wheel_acceleration : float
+        Random walk of the wheel speed, for a tachometer that counts pulses, as a share of it,
+        1 per sqrt(s).
+    """
+
+    acceleration: float = 0.22
+    speed: float = 0.04
+    soil: float = 0.01
+    strength: float = 0.18
+    shear_modulus: float = 0.6
+    sinkage_modulus: float = 0.9
+    nominal: float = 0.1
+    thrust: float = 0.03
+    slip: float = 0.03
+    wheel_speed: float = 0.005
+    wheel_acceleration: float = 0.07
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not (math.isfinite(value) and value > 0):
+                raise ValueError(f'noise {field.name} must be above 0, got {value}')
+
+
+GUESSED_SOIL = EstimatorNoise(strength=0.3, nominal=1.0, soil=0.03)
+"""For a nominal soil that is only a guess, with tau_max, K and n unknown by 50 %."""
+
+# Correlation of the logarithms of strength, shear deformation modulus and sinkage modulus from
+# soil to soil: what bears less is weaker, and gives way further until its strength is mobilised.
+CORRELATION = np.array([[1.0, -0.4, 0.5], [-0.4, 1.0, -0.7], [0.5, -0.7, 1.0]])
+# Up to which standard deviation of its logarithm a wheel's tau_max counts as known.
+STRENGTH_KNOWN = 0.15
+# Share of the sinkage that the quasi-static model leaves open, one standard deviation.
+SINKAGE_OPEN = 0.1
+# Least slope of moment over slip, as share of radius and load.
+LEAST_STIFFNESS = 0.05
+# Change of rolling radius, as a share, beyond which what was learnt of the soil is not kept.
+OTHER_RADIUS = 0.01
+
+
+class Reading:
+    """A reading of the wheels, the speeds that belong to it, and the state before it.
+
+    Parameters
+    ----------
+    size : int
+        Number of floats of the state.
+    tracks, n : int
+        Number of tracks and of wheels.
+    """
+
+    def __init__(self, size: int, tracks: int, n: int) -> None:
+        self.t = 0.0
+        self.omega = np.zeros(n)
+        self.torque = np.zeros(n)
+        # Each: time s, sensor, speed m/s, variance m^2/s^2.
+        self.speeds: list[tuple[float, int, float, float]] = []
+        self.before = np.zeros(size)
+        self.newest = np.zeros(tracks, dtype=np.int64)
+
+
+class SlipEstimation:
+    """Estimates slip, ground speed and soil from tachometers, torque and ground speed sensors.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        The vehicle, SI units.
+    soil : Soil
+        Nominal soil: what is expected until a wheel tells otherwise.
+    noise : EstimatorNoise
+        How far the model is trusted.
+    least_speed : float
+        Speed of rim or vehicle below which slip is not valid, m/s, above 0.
+    radar_timeout : float
+        Silence of radar and satellite receiver after which the ground speed no longer counts as
+        measured, s, above 0.
+    radar_variance : float
+        Variance of a measured speed that does not state one, m^2/s^2, above 0.
+    method : {'ekf', 'ukf', 'lpv'}
+        Kalman filter: extended, unscented, or with scheduled gains.
+    tachometer_pulses : float
+        Pulses per turn that the tachometers count, at least 0; 0 for an ideal tachometer.
+    radar_latency, gnss_latency : float
+        Time by which stamps are later than what they stamp, s, 0 to 0.5.
+    radar_least_speed : float
+        Speed below which the radar is blind and its readings are none, m/s, at least 0.
+
+    Attributes
+    ----------
+    t : float or None
+        Time of the newest reading of the wheels, s; None before the first.
+    slip, slip_variance : ndarray, shape (n,)
+        Slip of every wheel, -1 to 1, and its variance.
+    valid : ndarray of bool, shape (n,)
+        Whether each slip means anything.
+    rim_speed : ndarray, shape (n,)
+        r*omega, m/s.
+    thrust : ndarray, shape (n,)
+        Thrust from shaft torque, N.
+
+    Raises
+    ------
+    ValueError
+        Naming what is out of its range.
+    """
+
+    # A longer time between readings of the wheels, or between wheels and a speed, s, means that
+    # one of them was away or that a clock was set.
+    LONGEST_GAP = 0.5
+    # How long readings are kept, for those that come late, s.
+    HISTORY = 1.0
+    # Stamps closer than this are the same, s.
+    _SAME = 1e-6
+    # Innovations beyond this many standard deviations are not believed ...
+    _GATE = 5.0
+    # ... unless so many in a row agree with each other, to within that many standard deviations
+    # of two readings and what the vehicle may speed up, m/s^2, meanwhile: then it is the estimate
+    # that is wrong.
+    _AGREEING = 3
+    _LARGEST_ACCELERATION = 5.0
+    # Weight of the newest speed in the mean innovation, and how large that mean may grow, in
+    # standard deviations of one innovation (a sixth of which is its own).
+    _SURPRISE_SHARE = 0.05
+    _SURPRISE_LIMIT = 0.8
+    # Ground speed is valid up to this standard deviation, m/s.
+    _LARGEST_DEVIATION = 0.5
+
+    # Of the sensors of speed: time of the newest, mean surprise, and time, speed and number of
+    # readings that agree with each other and are not believed.
+    _SPEED_T, _SPEED_SURPRISE, _REFUSED_T, _REFUSED, _IN_A_ROW, _SCALARS = range(
+        SCALARS, SCALARS + 6
+    )
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        soil: Soil,
+        noise: EstimatorNoise = EstimatorNoise(),
+        least_speed: float = LEAST_SPEED,
+        radar_timeout: float = 0.5,
+        radar_variance: float = 0.0025,
+        *,
+        method: str = 'ukf',
+        tachometer_pulses: float = 0.0,
+        radar_latency: float = 0.0,
+        gnss_latency: float = 0.0,
+        radar_least_speed: float = 0.0,
+    ) -> None:
+        for name, value in (
+            ('least_speed', least_speed),
+            ('radar_timeout', radar_timeout),
+            ('radar_variance', radar_variance),
+        ):
+            if not (math.isfinite(value) and value > 0):
+                raise ValueError(f'{name} must be above 0, got {value}')
+        for name, value, most in (
+            ('tachometer_pulses', tachometer_pulses, math.inf),
+            ('radar_latency', radar_latency, 0.5),
+            ('gnss_latency', gnss_latency, 0.5),
+            ('radar_least_speed', radar_least_speed, math.inf),
+        ):
+            if not (math.isfinite(value) and 0 <= value <= most):
+                raise ValueError(f'{name} must be 0 to {most:g}, got {value}')
+        self.vehicle = vehicle
+        self.noise = noise
+        self.method = method
+        self.least_speed = least_speed
+        self.radar_timeout = radar_timeout
+        self.radar_variance = radar_variance
+        self.tachometer_pulses = tachometer_pulses
+        self.radar_least_speed = radar_least_speed
+        self._method = int(method_named(method))
+        self._latency = (radar_latency, gnss_latency)
+
+        # A single axle runs in no other's rut.
+        self._wheels = vehicle.packed_wheels(in_ruts=len(vehicle.axles) > 1)
+        loads = vehicle.static_loads()
+        cg_x, cg_height = vehicle.centre_of_gravity
+        deviations = np.array([noise.strength, noise.shear_modulus, noise.sinkage_modulus])
+        changed = CORRELATION * np.outer(deviations, deviations)
+        self._body = Body(
+            wheels=self._wheels,
+            soils=np.array([soil.packed(wheel) for wheel in vehicle.wheels]),
+            spread=np.ascontiguousarray(vehicle.load_distribution()),
+            drift=np.eye(PER_WHEEL) * noise.soil**2,
+            changed=changed,
+            mass=float(vehicle.mass),
+            cg_x=float(cg_x),
+            cg_height=float(cg_height),
+            hitch_height=float(vehicle.hitch_height),
+        )
+        self._noise = Noise(
+            speed=noise.speed,
+            drawbar=noise.acceleration * vehicle.mass,
+            moment=noise.thrust,
+            slip=noise.slip,
+            wheel_speed=noise.wheel_speed,
+            wheel_acceleration=noise.wheel_acceleration,
+            pulse=2 * math.pi / tachometer_pulses if tachometer_pulses else 0.0,
+            least_speed=least_speed,
+        )
+        strengths, self._areas, self._lengths = [], [], []
+        for wheel, load in zip(vehicle.wheels, loads, strict=True):
+            length = static_contact_length(soil, wheel, load)
+            self._lengths.append(length)
+            self._areas.append(wheel.width * length)
+            strengths.append(soil.max_shear_stress(load / (wheel.width * length)))
+        self._strengths = np.array(strengths)
+        self._shear_modulus = float(soil.shear_deformation_modulus)
+        # Until contact is quasi-static, see `traction_controller.estimation.filter_step`.
+        self._settling = (
+            2 * START_LENGTH * math.log(START_DOUBT) * float(self._wheels[:, RADIUS].max())
+        )
+        # What holds the vehicle back is at first unknown by 0.3 of its weight.
+        self._unknown_drawbar = 0.3 * float(loads.sum())
+
+        self._allot()
+        self._schedule: ScheduledCovariance | None = None
+        self.reset()
+        if self._method == Method.LPV:
+            self._schedule = ScheduledCovariance(
+                self._body, self._noise, self.radar_variance, self._unknown_drawbar, noise.nominal
+            )
+
+    def _allot(self) -> None:
+        """Put all that changes into one array, so that it is kept and restored at once."""
+        n = len(self._wheels)
+        m = FIRST_WHEEL + PER_WHEEL * n
+        ruts = fresh_ruts(
+            1 + int(self._wheels[:, TRACK].max()) if self._wheels[0, TRACK] >= 0 else 0,
+            float(np.ptp(self.vehicle.wheel_positions)),
+        )
+        shapes = [(m,), (m, m), (n, MEMORY), (self._SCALARS,), *[ruts.depth.shape] * 3]
+        ends = np.cumsum([math.prod(shape) for shape in shapes])
+        self._state = np.zeros(ends[-1])
+        parts = [
+            part.reshape(shape)
+            for part, shape in zip(np.split(self._state, ends[:-1]), shapes, strict=True)
+        ]
+        self._x, self._p, self._memory, self._scalars = parts[:4]
+        self._fresh = ruts.newest.copy()
+        depth, shear, width = parts[4:]
+        self._ruts = Ruts(depth, shear, width, ruts.newest)
+        self._readings: deque[Reading] = deque()
+        self._spare: list[Reading] = []
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> 'SlipEstimation':
+        # A plain copy would tear apart what lies in one array.
+        other = copy.copy(self)
+        memo[id(self)] = other
+        other._allot()
+        other._state[:] = self._state
+        other._ruts.newest[:] = self._ruts.newest
+        other._readings = copy.deepcopy(self._readings, memo)
+        for name in ('slip', 'slip_variance', 'valid', 'rim_speed'):
+            setattr(other, name, getattr(self, name).copy())
+        return other
+
+    @property
+    def n_wheels(self) -> int:
+        """Number of wheels, dimensionless."""
+        return len(self._wheels)
+
+    def reset(self) -> None:
+        """Forget everything measured: at rest, on the nominal soil."""
+        n = self.n_wheels
+        self.t: float | None = None
+        self._state[:] = 0.0
+        self._ruts.newest[:] = self._fresh
+        # Speed is found with the first reading of the wheels.
+        self._p[SPEED, SPEED] = 1.0
+        self._p[DRAWBAR, DRAWBAR] = self._unknown_drawbar**2
+        for j in range(n):
+            doubt_soil(self._x, self._p, j, self._body.changed * self.noise.nominal**2, False)
+        self._memory[:, HELD_UNTIL] = -1.0
+        self._scalars[CHANGED] = -math.inf
+        self._scalars[self._SPEED_T] = -math.inf
+        self._spare.extend(self._readings)
+        self._readings.clear()
+        self.slip = np.zeros(n)
+        self.slip_variance = np.ones(n)
+        self.valid = np.zeros(n, dtype=bool)
+        self.rim_speed = np.zeros(n)
+
+    @property
+    def rolling_radius(self) -> NDArray[np.float64]:
+        """Rolling radius of every wheel, m, shape (n,); that of the vehicle until set."""
+        return self._wheels[:, RADIUS].copy()
+
+    def set_rolling_radius(self, radius: ArrayLike) -> None:
+        """Compute rim speed, slip and thrust with other rolling radii from now on.
+
+        A wheel whose radius changes by more than 1 % starts from the nominal soil: what was
+        learnt with a wrong slip is wrong too. `reset` keeps the radii.
+
+        Parameters
+        ----------
+        radius : array_like, shape (n,)
+            m, above 0.
+
+        Raises
+        ------
+        ValueError
+            If there is not a radius above 0 for every wheel; nothing changes then.
+        """
+        radii = self._checked('rolling radius', radius)
+        if np.any(radii <= 0.0):
+            raise ValueError(f'rolling radius must be above 0 m, got {radii.tolist()}')
+        changed = np.abs(radii / self._wheels[:, RADIUS] - 1.0) > OTHER_RADIUS
+        # Not in place: copies of this estimate have radii of their own.
+        self._wheels = self._wheels.copy()
+        self._wheels[:, RADIUS] = radii
+        self._body = self._body._replace(wheels=self._wheels)
+        for j in np.flatnonzero(changed):
+            doubt_soil(self._x, self._p, j, self._body.changed, False)
+        self._derive()
+
+    @property
+    def v(self) -> float:
+        """Speed over ground, m/s, forward positive."""
+        return float(self._x[SPEED])
+
+    @property
+    def v_variance(self) -> float:
+        """Variance of `v`, m^2/s^2."""
+        return float(self._p[SPEED, SPEED])
+
+    @property
+    def v_valid(self) -> bool:
+        """Whether `v` is known to better than 0.5 m/s (standard deviation)."""
+        return self.t is not None and self.v_variance < self._LARGEST_DEVIATION**2
+
+    @property
+    def source(self) -> Source:
+        """What `v` rests on at present."""
+        silent = (
+            self.t is None or self.t - self._scalars[self._SPEED_T] > self.radar_timeout + 1e-9
+        )
+        return Source.WHEEL if silent else Source.BLENDED
+
+    @property
+    def thrust(self) -> NDArray[np.float64]:
+        """Thrust from shaft torque, N, forward positive, shape (n,)."""
+        return np.asarray(self._memory[:, MOMENT] / self._wheels[:, RADIUS])
+
+    @property
+    def resistance(self) -> float:
+        """All that holds the vehicle back, N, positive against forward motion.
+
+        Motion resistance of the wheels, drawbar, grade and air.
+        """
+        return float(self._x[DRAWBAR] + self._memory[:, RESISTANCE].sum())
+
+    @property
+    def resistance_variance(self) -> float:
+        """Variance of `resistance`, N^2."""
+        slope = np.zeros(len(self._x))
+        slope[DRAWBAR] = 1.0
+        slope[FIRST_WHEEL:] = self._memory[:, BY_STRENGTH : BY_STRENGTH + PER_WHEEL].ravel()
+        return float(slope @ self._p @ slope)
+
+    def _factor(self, which: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Logarithm of one of the soil's factors at every wheel, and its variance."""
+        entries = slice(FIRST_WHEEL + which, None, PER_WHEEL)
+        return self._x[entries], np.diag(self._p)[entries]
+
+    @property
+    def max_shear_stress(self) -> NDArray[np.float64]:
+        """tau_max over the nominal contact area of every wheel, Pa, shape (n,).
+
+        ``c + (W/A)*tan(phi)`` with the static load W and the area A on the nominal soil.
+        """
+        return np.asarray(self._strengths * np.exp(self._factor(0)[0]))
+
+    @property
+    def max_shear_stress_variance(self) -> NDArray[np.float64]:
+        """Variance of `max_shear_stress`, Pa^2, shape (n,)."""
+        return np.asarray(self.max_shear_stress**2 * self._factor(0)[1])
+
+    @property
+    def shear_deformation_modulus(self) -> NDArray[np.float64]:
+        """K of the soil under every wheel, m, shape (n,)."""
+        return np.asarray(self._shear_modulus * np.exp(self._factor(1)[0]))
+
+    @property
+    def shear_deformation_modulus_variance(self) -> NDArray[np.float64]:
+        """Variance of `shear_deformation_modulus`, m^2, shape (n,)."""
+        return np.asarray(self.shear_deformation_modulus**2 * self._factor(1)[1])
+
+    @property
+    def sinkage(self) -> NDArray[np.float64]:
+        """Sinkage of every wheel at which the estimated soil carries its load, m, shape (n,).
+
+        NaN until the wheel has moved.
+        """
+        z = self._memory[:, SINKAGE]
+        return np.where(z > 0, z, np.nan)
+
+    @property
+    def sinkage_variance(self) -> NDArray[np.float64]:
+        """Variance of `sinkage`, m^2, shape (n,); NaN until the wheel has moved."""
+        by_soil = self._memory[:, SINKAGE_SLOPE] ** 2 * self._factor(2)[1]
+        return np.asarray(by_soil + (SINKAGE_OPEN * self.sinkage) ** 2)
+
+    @property
+    def strength_known(self) -> NDArray[np.bool_]:
+        """Whether tau_max of each wheel is known to 15 %, shape (n,)."""
+        return np.asarray(self._factor(0)[1] < STRENGTH_KNOWN**2)
+
+    @property
+    def mobilisation(self) -> float:
+        """Thrust of all wheels as a share of the soil's strength under them, dimensionless.
+
+        NaN where the strength under a wheel is not known. Strength is ``tau_max*A`` with the
+        static load and the area on the nominal soil.
+        """
+        if not np.all(self.strength_known):
+            return math.nan
+        strength = float(self.max_shear_stress @ np.array(self._areas))
+        return abs(float(self.thrust.sum())) / strength
+
+    @property
+    def slip_stiffness(self) -> NDArray[np.float64]:
+        """Slope of thrust over slip at the present slip of every wheel, N, shape (n,).
+
+        At standstill, that at no slip of a flat plate on the estimated soil.
+        """
+        stiffness = (
+            self.max_shear_stress
+            * np.array(self._areas)
+            * np.array(self._lengths)
+            / (2 * self.shear_deformation_modulus)
+        )
+        v = self.v
+        for j, rim in enumerate(self.rim_speed):
+            slope = self._memory[j, MOMENT_SLOPE]
+            if slope != 0.0:
+                # Slip over v: -1/rim when driving, -rim/v^2 when braking.
+                per_slip = abs(rim) if abs(rim) >= abs(v) else v * v / max(abs(rim), 1e-3)
+                load = self._wheels[j, STATIC_LOAD]
+                stiffness[j] = max(
+                    LEAST_STIFFNESS * load, -slope * per_slip / self._wheels[j, RADIUS]
+                )
+        return np.asarray(stiffness)
+
+    def wheel_states(self, t: float, omega: ArrayLike, torque: ArrayLike) -> None:
+        """Take in a reading of all tachometers and shaft torques.
+
+        Parameters
+        ----------
+        t : float
+            Time of measurement, s. A reading that comes after a younger one is put in its
+            place if it is less than half a second older.
+        omega : array_like, shape (n,)
+            Wheel speeds, rad/s, forward positive.
+        torque : array_like, shape (n,)
+            Shaft torques, N*m, forward positive.
+
+        Raises
+        ------
+        ValueError
+            If a number is not finite, their count is not that of the wheels, or the reading is
+            too old; nothing is taken in then.
+        """
+        omega = self._checked('wheel speed', omega)
+        torque = self._checked('shaft torque', torque)
+        if not math.isfinite(t):
+            raise ValueError(f'time of measurement is not finite: {t}')
+        if self.t is not None:
+            if t < self.t and (self.t - t > self.LONGEST_GAP or t <= self._readings[0].t):
+                raise ValueError(f'time runs backwards: {t:.6f} s after {self.t:.6f} s')
+            if t - self.t > self.LONGEST_GAP:
+                # Whatever happened meanwhile, it is not known.
+                self.reset()
+        reading = (
+            self._spare.pop()
+            if self._spare
+            else Reading(len(self._state), len(self._fresh), self.n_wheels)
+        )
+        reading.t = t
+        reading.omega[:] = omega
+        reading.torque[:] = torque
+        reading.speeds.clear()
+        if self.t is None or t >= self.t:
+            last = self._readings[-1] if self._readings else None
+            if last is not None and last.speeds and last.speeds[-1][0] + self._SAME >= t:
+                self._put(reading)
+            else:
+                self._readings.append(reading)
+                self._take_wheels(reading)
+            self.t = t
+            while self._readings[0].t < t - self.HISTORY and len(self._readings) > 2:
+                self._spare.append(self._readings.popleft())
+        else:
+            self._put(reading)
+        self._derive()
+
+    def radar(self, t: float, v: float, variance: float) -> bool:
+        """Take in a radar reading.
+
+        Parameters
+        ----------
+        t : float
+            Its stamp, s: `radar_latency` later than the measurement.
+        v : float
+            Speed over ground, m/s, forward positive.
+        variance : float
+            Its variance, m^2/s^2; 0 stands for `radar_variance`.
+
+        Returns
+        -------
+        bool
+            False where the reading was not believed: more than five standard deviations
+            from what is expected. Where three in a row agree with each other, the estimate is
+            given up for the third. False too where it is none, below `radar_least_speed`, and
+            where it is older than all readings of the wheels.
+
+        Raises
+        ------
+        ValueError
+            If a number is not finite, the variance is negative, or the time is half a second
+            or more off that of the wheels; nothing is taken in.
+        """
+        return self._speed(SpeedSensor.RADAR, t, v, variance)
+
+    def gnss(self, t: float, v: float, variance: float) -> bool:
+        """Take in a speed over ground from a satellite receiver.
+
+        Parameters
+        ----------
+        t : float
+            Its stamp, s: `gnss_latency` later than the measurement.
+        v : float
+            Speed along the vehicle, m/s, forward positive.
+        variance : float
+            Its variance, m^2/s^2; 0 stands for `radar_variance`.
+
+        Returns
+        -------
+        bool
+            False where the reading was not believed or not used, see `radar`.
+
+        Raises
+        ------
+        ValueError
+            As `radar` does.
+        """
+        return self._speed(SpeedSensor.GNSS, t, v, variance)
+
+    def _speed(self, sensor: SpeedSensor, t: float, v: float, variance: float) -> bool:
+        if not math.isfinite(t):
+            raise ValueError(f'time of measurement is not finite: {t}')
+        name = sensor.name.lower()
+        if not (math.isfinite(v) and math.isfinite(variance) and variance >= 0):
+            raise ValueError(
+                f'{name} reading {v} m/s with variance {variance} m^2/s^2 is not usable'
+            )
+        if self.t is None:
+            return False
+        if abs(t - self.t) > self.LONGEST_GAP:
+            raise ValueError(f'{name} reading is {t - self.t:+.3f} s off the wheels in time')
+        if sensor is SpeedSensor.RADAR and abs(v) < self.radar_least_speed:
+            return False
+        measured = t - self._latency[sensor]
+        entry = (measured, int(sensor), v, variance or self.radar_variance)
+        place = (
+            bisect_right(self._readings, measured + self._SAME, key=lambda reading: reading.t) - 1
+        )
+        if place < 0:
+            return False
+        reading = self._readings[place]
+        if place == len(self._readings) - 1 and (
+            not reading.speeds or reading.speeds[-1] <= entry
+        ):
+            reading.speeds.append(entry)
+            believed = self._take_speed(reading, entry)
+        else:
+            at = bisect_right(reading.speeds, entry)
+            reading.speeds.insert(at, entry)
+            believed = self._replay(place, (place, at))
+        self._derive()
+        return believed
+
+    def _put(self, reading: Reading) -> None:
+        """Put a reading of the wheels where it belongs, and take in again what is younger."""
+        place = bisect_right(self._readings, reading.t, key=lambda other: other.t)
+        # There is one before it: the oldest is older than whatever is accepted.
+        before = self._readings[place - 1]
+        first = bisect_right(before.speeds, reading.t, key=lambda entry: entry[0] + self._SAME)
+        reading.speeds.extend(before.speeds[first:])
+        del before.speeds[first:]
+        self._readings.insert(place, reading)
+        self._replay(place - 1)
+
+    def _replay(self, first: int, asked: tuple[int, int] = (-1, -1)) -> bool:
+        """Take in again all from a reading on; tell whether the speed asked for is believed."""
+        self._state[:] = self._readings[first].before
+        self._ruts.newest[:] = self._readings[first].newest
+        answer = False
+        for place in range(first, len(self._readings)):
+            reading = self._readings[place]
+            self._take_wheels(reading)
+            for at, entry in enumerate(reading.speeds):
+                believed = self._take_speed(reading, entry)
+                if (place, at) == asked:
+                    answer = believed
+        return answer
+
+    def _take_wheels(self, reading: Reading) -> None:
+        """Take in a reading of the wheels that is younger than the state."""
+        reading.before[:] = self._state
+        reading.newest[:] = self._ruts.newest
+        if reading is self._readings[0]:
+            begin(
+                reading.t, reading.omega, reading.torque, self._x, self._p, self._memory,
+                self._scalars, self._body, self._noise,
+            )  # fmt: skip
+        elif reading.t > self._scalars[TIME]:
+            if self._schedule is not None:
+                self._load_covariance(self._schedule)
+            take_in_wheels(
+                self._method, reading.t, reading.omega, reading.torque, self._x, self._p,
+                self._memory, self._scalars, self._ruts, self._body, self._noise,
+            )  # fmt: skip
+        rims = self._wheels[:, RADIUS] * self._memory[:, OMEGA]
+        if np.max(np.abs(rims)) < self.least_speed:
+            self._stand_still(int(np.argmin(np.abs(rims))))
+
+    def _load_covariance(self, schedule: ScheduledCovariance) -> None:
+        """Take the covariance that belongs to the present speed, slip and silence."""
+        scalars = self._scalars
+        t = scalars[TIME]
+        rims = self._wheels[:, RADIUS] * self._memory[:, OMEGA]
+        mean = float(np.mean([abs(slip(self.v, rim)) for rim in rims]))
+        # After a start the filter's own covariance holds, which the start has left.
+        if abs(self.v) > self.least_speed and scalars[TRAVELLED] > 2 * self._settling:
+            schedule.look_up(
+                abs(self.v), mean, t - scalars[self._SPEED_T], t - scalars[CHANGED], self._p
+            )
+
+    def _stand_still(self, slowest: int) -> None:
+        """All wheels (nearly) stand: so does the vehicle, unless a sensor says otherwise."""
+        radius, kept = self._wheels[slowest, RADIUS], self._memory[slowest]
+        rim = float(radius * kept[OMEGA])
+        scalars = self._scalars
+        scalars[TRAVELLED] = 0.0
+        self._memory[:, HELD_UNTIL] = -1.0
+        self._memory[:, SURPRISE] = 0.0
+        variance = float((0.02 + 0.5 * abs(rim)) ** 2 + radius**2 * kept[OMEGA_VARIANCE])
+        measured = scalars[TIME] - scalars[self._SPEED_T] <= self.radar_timeout + 1e-9
+        if measured and self._unlikely(rim, variance):
+            # Wheels that are locked, not a vehicle that stands.
+            return
+        take_in_speed(self._x, self._p, rim, variance)
+        # At rest resistance is whatever thrust is, and says nothing about driving.
+        forget(self._p, DRAWBAR, self._unknown_drawbar**2)
+
+    def _unlikely(self, v: float, variance: float) -> bool:
+        """Whether a measured speed is too far from the estimate to be believed."""
+        return (v - self.v) ** 2 > self._GATE**2 * (self.v_variance + variance)
+
+    def _take_speed(self, reading: Reading, entry: tuple[float, int, float, float]) -> bool:
+        """Take in a measured speed that belongs to the newest reading of the wheels taken in."""
+        t, _, v, variance = entry
+        scalars = self._scalars
+        # What it was at the time of the reading.
+        v -= scalars[ACCELERATION] * (t - reading.t)
+        if self._unlikely(v, variance):
+            off = self._GATE * math.sqrt(2 * variance)
+            off += self._LARGEST_ACCELERATION * abs(t - scalars[self._REFUSED_T])
+            agrees = scalars[self._IN_A_ROW] > 0 and abs(v - scalars[self._REFUSED]) <= off
+            scalars[self._IN_A_ROW] = scalars[self._IN_A_ROW] + 1 if agrees else 1
+            scalars[self._REFUSED_T], scalars[self._REFUSED] = t, v
+            if scalars[self._IN_A_ROW] < self._AGREEING:
+                return False
+            self._x[SPEED] = v
+            forget(self._p, SPEED, variance)
+            self._doubt()
+        else:
+            expected = math.sqrt(self.v_variance + variance)
+            if scalars[TRAVELLED] > self._settling:
+                surprise = (v - self.v) / expected - scalars[self._SPEED_SURPRISE]
+                scalars[self._SPEED_SURPRISE] += self._SURPRISE_SHARE * surprise
+            if abs(scalars[self._SPEED_SURPRISE]) > self._SURPRISE_LIMIT:
+                # Dozens of readings on the same side: speed is what they say on average, and
+                # soil or drawbar are others.
+                self._x[SPEED] += scalars[self._SPEED_SURPRISE] * expected
+                forget(self._p, SPEED, self._SURPRISE_SHARE * expected**2)
+                self._doubt()
+            take_in_speed(self._x, self._p, v, variance)
+        scalars[self._IN_A_ROW] = 0
+        scalars[self._SPEED_T] = max(scalars[self._SPEED_T], t)
+        return True
+
+    def _doubt(self) -> None:
+        """Keep soil and drawbar, but trust them little."""
+        for j in range(self.n_wheels):
+            doubt_soil(self._x, self._p, j, self._body.changed, True)
+        forget(self._p, DRAWBAR, self._unknown_drawbar**2)
+        self._p[SPEED, SPEED] += self.noise.speed**2
+        self._scalars[self._SPEED_SURPRISE] = 0.0
+
+    def _derive(self) -> None:
+        """Slip of every wheel, with variance and validity, from the present speeds."""
+        v, v_variance = self.v, self.v_variance
+        v_valid = self.v_valid
+        for j in range(self.n_wheels):
+            radius = self._wheels[j, RADIUS]
+            rim = radius * self._memory[j, OMEGA]
+            self.rim_speed[j] = rim
+            fastest = max(abs(v), abs(rim), 1e-3)
+            self.slip[j] = slip(v, rim)
+            # The smaller speed over the larger: an error of either one counts by the other.
+            rim_variance = radius**2 * self._memory[j, OMEGA_VARIANCE]
+            ratio = min(abs(v), abs(rim)) / fastest
+            of_v, of_rim = (1.0, ratio) if abs(rim) >= abs(v) else (ratio, 1.0)
+            self.slip_variance[j] = min(
+                1.0, (of_v**2 * v_variance + of_rim**2 * rim_variance) / fastest**2
+            )
+            self.valid[j] = is_valid(v, rim, self.least_speed) and v_valid
+
+    def _checked(self, what: str, values: ArrayLike) -> NDArray[np.float64]:
+        array = np.asarray(values, dtype=float)
+        if array.shape != (self.n_wheels,):
+            raise ValueError(
+                f'expected a {what} for each of {self.n_wheels} wheels, got {array.size}'
+            )
+        for name, value in zip(self.vehicle.wheel_names, array, strict=True):
+            if not math.isfinite(value):
+                raise ValueError(f"{what} of wheel '{name}' is {value}")
+        return array

@@ -1,0 +1,449 @@
+"""What the node `slip_controller` does: limits or holds slip by the torque for the gate.
+
+A behaviour runs in a ROS 2 process or in lock step, see `traction_evaluation.replay.lockstep`.
+"""
+
+import math
+from pathlib import Path
+
+from ament_index_python.packages import get_package_share_directory
+
+from traction_controller.control.driveline import (
+    DRIVEN_AXLES,
+    Differential,
+    Grouping,
+    driven_axles,
+)
+from traction_controller.control.exit_reason import ExitReason
+from traction_controller.control.laws.law import LAWS
+from traction_controller.control.set_point import SetPoint
+from traction_controller.control.slip_control import Degraded, Mode, SlipControl, TargetSource
+from traction_controller.estimation.slip_filter import Source
+from traction_controller.synthesis.gain_schedule import ControlWeights
+from traction_controller.synthesis.gain_table import read_gain_table
+from traction_model.definition import closest
+from traction_model.soil.soil import load_soil
+from traction_model.vehicle.vehicle import load_vehicle
+from traction_node import diagnostic
+from traction_node.joints import JointOrder
+from traction_node.parameter import Parameter
+from traction_node.stamp import between
+
+_WEIGHTS = ControlWeights()
+
+# Time between two updates of the set-point, s.
+_SET_POINT_PERIOD = 1.0
+
+
+def _gain_table(p):
+    """Path of the gain table: a file, or one that is shipped, else that of the vehicle, if any."""
+    name = p.gain_table
+    if Path(name).suffix in ('.yaml', '.yml'):
+        return Path(name)
+    folder = Path(get_package_share_directory('traction_controller'), 'config', 'gains')
+    shipped = {path.stem: path for path in folder.glob('*.yaml')}
+    if name and name not in shipped:
+        raise ValueError(
+            f"unknown gain table '{name}'{closest(name, shipped)}; or give the path of a .yaml"
+        )
+    return shipped.get(name or p.vehicle)
+
+
+def _names(kind):
+    """Members of an enumeration as values of a parameter."""
+    return tuple(member.name.lower() for member in kind)
+
+
+class SlipControllerBehaviour:
+    """Answers every slip estimate with a torque command for every wheel."""
+
+    NAME = 'slip_controller'
+    PARAMETERS = (
+        Parameter('vehicle', 'tractor_4wd', 'preset or path of a vehicle YAML', read_only=True),
+        Parameter(
+            'mode',
+            'limit',
+            'limit: only ever reduce the requested torque; hold: regulate slip to the target',
+            choices=('limit', 'hold'),
+        ),
+        Parameter(
+            'slip_target', 0.2, 'slip to limit or hold, until one comes on the topic slip_target',
+            '', SlipControl.LEAST_TARGET, SlipControl.MOST_TARGET,
+        ),
+        Parameter('law', 'lpv', 'control law', choices=LAWS),
+        Parameter('gain_table', '', 'gain table of the law lpv: one that is shipped, or the path '
+                  'of a YAML file; none: that of the vehicle, if one is shipped', read_only=True),
+        Parameter('grouping', 'wheel', 'which wheels are controlled as one: one engine drives '
+                  'all of a vehicle', choices=_names(Grouping)),
+        Parameter('differential', 'open', 'whether the wheels of a group turn alike',
+                  choices=_names(Differential)),
+        Parameter('driven_axles', 'all', 'all, front (the first) or rear (all others)',
+                  choices=DRIVEN_AXLES),
+        Parameter(
+            'request_timeout', 0.5, 'silence of torque_request after which it counts as zero',
+            's', 0.05, 10.0,
+        ),
+        Parameter('hold_torque', [10000.0], 'largest torque in hold of each wheel, or of all: '
+                  'what the gate lets through', 'N·m', 1.0, read_only=True),
+        Parameter('torque_rate', [1e6], 'fastest change of torque of each wheel, or of all: what '
+                  'the gate lets through', 'N·m/s', 1.0, read_only=True),
+        Parameter('torque_timeout', 0.1, 'age of wheel_states, against slip_estimate, from which '
+                  'shaft torque is missing', 's', 0.02, 10.0),
+        Parameter('rate', 100.0, 'nominal rate of slip_estimate', 'Hz', 10.0, 1000.0,
+                  read_only=True),
+        Parameter('torque_time_constant', 0.1, 'lag of shaft behind commanded torque', 's', 0.005,
+                  2.0, read_only=True),
+        Parameter('least_speed', 0.3, 'speed of rim and vehicle below which slip is not acted on',
+                  'm/s', 0.05, 2.0, read_only=True),
+        Parameter('set_point', 'none', 'none: the target is given; efficiency: it is sought from '
+                  'the estimated soil', choices=('none', 'efficiency'), read_only=True),
+        Parameter('set_point_weight', 0.0, 'what the set-point seeks: 0 the best efficiency, 1 '
+                  'the most pull', '', 0.0, 1.0),
+        Parameter('set_point_low', 0.05, 'least slip that is sought', '', 0.01, 0.6,
+                  read_only=True),
+        Parameter('set_point_high', 0.3, 'most slip that is sought', '', 0.01, 0.6,
+                  read_only=True),
+        Parameter('set_point_rate', 0.01, 'fastest change of the target that is sought', '1/s',
+                  1e-4, 1.0, read_only=True),
+        Parameter('set_point_time_constant', 5.0, 'lag of the target behind what is best now',
+                  's', 0.1, 1000.0, read_only=True),
+        Parameter('soil', 'sandy_loam_chrono', "the set-point's nominal soil, that of the "
+                  'estimator: preset or file.yaml:name', read_only=True),
+        Parameter('weight_slip', _WEIGHTS.slip, 'law lqi: slip error that weighs as much as '
+                  'weight_torque', '', 1e-3, 1.0, read_only=True),
+        Parameter('weight_integral_time', _WEIGHTS.integral_time, 'law lqi: time after which a '
+                  'lasting slip error weighs as much again', 's', 0.01, 100.0, read_only=True),
+        Parameter('weight_torque', _WEIGHTS.torque, 'law lqi: torque that weighs as much as '
+                  'weight_slip, as share of static load times radius', '', 1e-3, 100.0,
+                  read_only=True),
+        Parameter('pi_proportional', 0.0, 'law pi: gain on slip as share of static load times '
+                  'radius; 0: by the SIMC rules', '', 0.0, 1000.0, read_only=True),
+        Parameter('pi_integral', 0.0, 'law pi: gain on the integral of the slip error as share '
+                  'of static load times radius; 0: by the SIMC rules', '1/s', 0.0, 10000.0,
+                  read_only=True),
+        Parameter('pi_response_time', 0.15, 'laws pi and scheduled_pi: response time that the '
+                  'SIMC rules aim at', 's', 0.01, 10.0, read_only=True),
+        Parameter('sliding_reach', 0.4, 'law sliding_mode: torque beside that which balances the '
+                  'soil, as share of static load times radius', '', 1e-3, 10.0, read_only=True),
+        Parameter('sliding_boundary_layer', 0.4, 'law sliding_mode: slip error at which that '
+                  'torque is used to the full', '', 1e-3, 1.0, read_only=True),
+    )  # fmt: skip
+
+    def check_parameters(self, p):
+        """Refuse a vehicle that cannot be loaded, and what does not fit it."""
+        vehicle = load_vehicle(p.vehicle)
+        wheels = len(vehicle.wheels)
+        for name in ('hold_torque', 'torque_rate'):
+            entries = len(getattr(p, name))
+            if entries not in (1, wheels):
+                raise ValueError(f'{name} has {entries} entries for {wheels} wheels')
+        driven_axles(vehicle, p.driven_axles)
+        if _gain_table(p) is None and p.law == 'lpv':
+            raise ValueError(f'law lpv needs a gain_table: none is shipped for {p.vehicle}')
+        if self._control is not None:
+            self._control.prepare(p.law)
+        if p.set_point != 'none':
+            load_soil(p.soil)
+            if p.set_point_low > p.set_point_high:
+                raise ValueError(
+                    f'set_point_low {p.set_point_low} is above set_point_high {p.set_point_high}'
+                )
+
+    def parameters_changed(self, p, names):
+        """Take over mode, target, law and driveline; the command goes on from where it is."""
+        control = self._control
+        if control is None:
+            return
+        control.mode = Mode[p.mode.upper()]
+        control.set_law(p.law)
+        control.set_driveline(
+            Grouping[p.grouping.upper()], Differential[p.differential.upper()], p.driven_axles
+        )
+        # A target that came by topic stands until the parameter is set.
+        if 'slip_target' in names:
+            self._take_target(p.slip_target, TargetSource.PARAMETER)
+        if self._set_point is not None:
+            self._set_point.set_weight(p.set_point_weight)
+
+    def __init__(self, **kwargs):
+        self._control = None
+        self._set_point = None
+        super().__init__(**kwargs)
+
+    def configure(self):
+        """Make the control laws and build the messages."""
+        p = self.p
+        vehicle = load_vehicle(p.vehicle)
+        pi = {'response_time': p.pi_response_time}
+        gains = {'proportional': p.pi_proportional, 'integral': p.pi_integral}
+        settings = {
+            'pi': {**pi, **{name: value for name, value in gains.items() if value}},
+            'scheduled_pi': pi,
+            'sliding_mode': {
+                'reach': p.sliding_reach,
+                'boundary_layer': p.sliding_boundary_layer,
+            },
+            'lqi': {
+                'weights': ControlWeights(p.weight_slip, p.weight_integral_time, p.weight_torque)
+            },
+        }
+        table = _gain_table(p)
+        if table is not None:
+            try:
+                settings['lpv'] = {'gain_table': read_gain_table(table, vehicle, 1.0 / p.rate)}
+            except ValueError as error:
+                if p.law == 'lpv' or p.gain_table:
+                    raise
+                self.get_logger().info(f'law lpv cannot be chosen: {error}')
+        self._given = p.slip_target, TargetSource.PARAMETER
+        self._control = SlipControl(
+            vehicle,
+            p.slip_target,
+            Mode[p.mode.upper()],
+            lag=p.torque_time_constant,
+            dt=1.0 / p.rate,
+            law=p.law,
+            settings=settings,
+            hold_torque=p.hold_torque,
+            torque_rate=p.torque_rate,
+            least_speed=p.least_speed,
+            grouping=Grouping[p.grouping.upper()],
+            differential=Differential[p.differential.upper()],
+            driven=p.driven_axles,
+        )
+        for law in settings:
+            self._control.prepare(law)
+        if p.set_point != 'none':
+            self._set_point = SetPoint(
+                vehicle,
+                load_soil(p.soil),
+                p.set_point_weight,
+                p.set_point_low,
+                p.set_point_high,
+                p.set_point_rate,
+                p.set_point_time_constant,
+            )
+        names = list(vehicle.wheel_names)
+        self._orders = {
+            what: JointOrder(names, what, one_for_all=what == 'torque_request effort')
+            for what in (
+                'wheel_states effort',
+                'terrain_estimate max_shear_stress',
+                'terrain_estimate valid',
+                'torque_request effort',
+                'slip_estimate slip',
+                'slip_estimate wheel_based_speed',
+                'slip_estimate valid',
+                'slip_estimate slip_variance',
+                'slip_estimate slip_stiffness',
+                'slip_estimate thrust',
+            )
+        }
+        self._publish_command = self.publisher('wheel_torque_command').publish
+        self._command = self.message('wheel_torque_command')
+        self._command.name = names
+        self._command.header.frame_id = 'base_link'
+        self._publish_state = self.publisher('controller_state').publish
+        self._state = self.message('controller_state')
+        self._state.wheel_names = names
+        self._state.header.frame_id = 'base_link'
+        self._start_over()
+        self.subscription('slip_estimate', self._on_slip)
+        if self._set_point is not None:
+            self.subscription('terrain_estimate', self._on_terrain)
+        self.subscription('wheel_states', self._on_wheel_states)
+        self.subscription('torque_request', self._on_request)
+        self.subscription('slip_target', self._on_target)
+
+    def cleanup(self):
+        """Forget control laws and soil."""
+        self._control = None
+        self._set_point = None
+
+    def _start_over(self):
+        control = self._control
+        control.set_target(*self._given)
+        control.reset()
+        if self._set_point is not None:
+            self._set_point.reset()
+        # Until it is known: soil stiff enough to be careful with.
+        self._stiffness = [5.0 * float(load) for load in control.vehicle.static_loads()]
+        self._terrain_stamp = None
+        self._shaft_torque = None
+        self._shaft_stamp = None
+        self._request = None
+        self._request_steady = 0.0
+        self._stamp = None
+        self._refused = {}
+
+    def activate(self):
+        """Begin without memory of an earlier drive."""
+        self._start_over()
+        self.set_diagnostic(diagnostic.WARN, 'waiting for slip_estimate')
+
+    def _take(self, what, names, values):
+        """Values in wheel order, or None with the reason in the diagnostics."""
+        try:
+            ordered = self._orders[what].values(names, values)
+        except ValueError as error:
+            self._refuse(what, error)
+            return None
+        self._refused.pop(what, None)
+        return ordered
+
+    def _refuse(self, what, error):
+        self._refused[what] = str(error)
+        self.set_diagnostic(diagnostic.ERROR, 'refused: ' + '; '.join(self._refused.values()))
+
+    def _on_wheel_states(self, message):
+        # No effort at all: a vehicle that does not measure it, which is no fault.
+        torque = None
+        if len(message.effort):
+            torque = self._take('wheel_states effort', message.name, message.effort)
+        self._shaft_torque = torque
+        self._shaft_stamp = message.header.stamp
+
+    def _on_terrain(self, message):
+        """Move the set-point, now and then: ten terrain estimates a second are more than soil."""
+        stamp = message.header.stamp
+        dt = 0.0 if self._terrain_stamp is None else between(self._terrain_stamp, stamp)
+        if self._terrain_stamp is not None and 0.0 <= dt < _SET_POINT_PERIOD:
+            return
+        self._terrain_stamp = stamp
+        names = message.wheel_names
+        valid = self._take('terrain_estimate valid', names, message.valid)
+        stress = self._take('terrain_estimate max_shear_stress', names, message.max_shear_stress)
+        if valid is None or stress is None:
+            return
+        # Not a number where it is not known, so not for JointOrder: looked up in its order.
+        modulus = dict(zip(names, message.shear_deformation_modulus, strict=False))
+        moduli = [modulus.get(name, math.nan) for name in self._command.name]
+        # After a gap no more than a few periods at once, and none where the clock was set back.
+        dt = min(max(dt, 0.0), 5.0 * _SET_POINT_PERIOD)
+        target = self._set_point.update(dt, self._control.slip_target, stress, valid, moduli)
+        if target is not None:
+            self._control.set_target(target, TargetSource.SET_POINT)
+
+    def _take_target(self, target, source):
+        """Take over a target that is given; while one is sought, keep it for later."""
+        SlipControl.check_target(target)
+        self._given = target, source
+        if self._control.target_source is not TargetSource.SET_POINT:
+            self._control.set_target(target, source)
+
+    def _on_request(self, message):
+        request = self._take('torque_request effort', message.name, message.effort)
+        if request is not None:
+            self._request = request
+            self._request_steady = self.steady_time()
+
+    def _on_target(self, message):
+        try:
+            self._take_target(message.data, TargetSource.TOPIC)
+        except ValueError as error:
+            self._refuse('slip_target', error)
+        else:
+            self._refused.pop('slip_target', None)
+
+    def _on_slip(self, message):
+        if not self.active:
+            return
+        control = self._control
+        names = message.wheel_names
+        slips = self._take('slip_estimate slip', names, message.slip)
+        rims = self._take('slip_estimate wheel_based_speed', names, message.wheel_based_speed)
+        valid = self._take('slip_estimate valid', names, message.valid)
+        if slips is None or rims is None or valid is None:
+            return
+        stamp = message.header.stamp
+        dt = 0.0 if self._stamp is None else between(self._stamp, stamp)
+        # After a gap no more than a few periods of integral action at once, and none where the
+        # clock was set back.
+        dt = min(max(dt, 0.0), 5.0 / self.p.rate)
+        speed = message.ground_based_speed
+        if not math.isfinite(speed):
+            self._refuse('speed', f'slip_estimate ground_based_speed is {speed}')
+            return
+        self._refused.pop('speed', None)
+        # An estimator may know no soil; what is known of its stiffness holds on.
+        thrusts = None
+        if len(message.thrust):
+            thrusts = self._take('slip_estimate thrust', names, message.thrust)
+        if len(message.slip_stiffness):
+            stiffness = self._take('slip_estimate slip_stiffness', names, message.slip_stiffness)
+            self._stiffness = stiffness or self._stiffness
+        silent = self.steady_time() - self._request_steady > self.p.request_timeout
+        request = None if silent else self._request
+        measured = message.source != Source.WHEEL
+        deviations = None
+        if not measured:
+            variances = self._take('slip_estimate slip_variance', names, message.slip_variance)
+            if variances is not None:
+                deviations = [math.sqrt(max(variance, 0.0)) for variance in variances]
+        outcomes = control.step(
+            dt,
+            slips,
+            valid,
+            rims,
+            speed,
+            self._stiffness,
+            self._recent_torque(stamp),
+            request,
+            thrusts=thrusts,
+            speed_measured=measured,
+            deviations=deviations,
+        )
+        self._stamp = stamp
+
+        command = self._command
+        command.header.stamp = stamp
+        command.effort = [outcome.torque for outcome in outcomes]
+        self._publish_command(command)
+
+        state = self._state
+        state.header.stamp = stamp
+        state.mode = int(control.mode)
+        state.law = control.law
+        state.grouping = int(control.grouping)
+        state.differential = int(control.differential)
+        state.target_source = int(control.target_source)
+        state.limit_status = [int(outcome.limit_status) for outcome in outcomes]
+        state.exit_reason = [int(outcome.exit_reason) for outcome in outcomes]
+        state.degraded = [int(outcome.degraded) for outcome in outcomes]
+        state.changes = control.changes
+        state.change_count = control.change_count
+        state.slip_target = control.slip_target
+        state.wheel_slip_target = [outcome.slip_target for outcome in outcomes]
+        state.slip = slips
+        state.torque_request = request or [0.0] * control.n_wheels
+        state.torque_command = command.effort
+        state.slip_gain = [outcome.gains[0] for outcome in outcomes]
+        state.torque_gain = [outcome.gains[1] for outcome in outcomes]
+        state.integral_gain = [outcome.gains[2] for outcome in outcomes]
+        self._publish_state(state)
+        if not self._refused:
+            self._report_control(request, outcomes)
+
+    def _recent_torque(self, now):
+        """Shaft torque, if it is not older than `torque_timeout` against now; else None."""
+        torque = self._shaft_torque
+        if torque is None or abs(between(self._shaft_stamp, now)) > self.p.torque_timeout:
+            return None
+        return torque
+
+    def _report_control(self, request, outcomes):
+        mode = self.p.mode
+        if any(outcome.exit_reason is ExitReason.FUNCTION_FAULT for outcome in outcomes):
+            said = 'control law failed: no torque until activated anew'
+            self.set_diagnostic(diagnostic.ERROR, said, mode=mode)
+        elif request is None:
+            said = 'no torque_request: commanding no torque'
+            self.set_diagnostic(diagnostic.WARN, said, mode=mode)
+        else:
+            missing = Degraded.NONE
+            for outcome in outcomes:
+                missing |= outcome.degraded
+            level, said = diagnostic.OK, 'controlling'
+            if missing:
+                level, said = diagnostic.WARN, f'controlling {missing.words}'
+            self.set_diagnostic(level, said, mode=mode, target=self._control.slip_target)

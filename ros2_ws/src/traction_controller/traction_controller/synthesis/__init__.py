@@ -1,0 +1,1 @@
+"""Synthesis of gains, and the proof of what they do."""

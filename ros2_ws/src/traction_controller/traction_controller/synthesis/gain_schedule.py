@@ -1,0 +1,177 @@
+"""Gain schedule: an LQI regulator of slip at every point of a grid over the LPV model.
+
+At a grid point the model is slip under shaft torque (`traction_model.lpv.model.slip_dynamics`),
+shaft torque under commanded torque (a first-order lag) and the integral of the slip error:
+
+    i' = a*i + b*T,   T' = (u - T)/tau_a,   z' = i_target - i
+
+sampled exactly. The gains minimise the sum over samples of
+``(i/i_s)^2 + (z/(i_s*t_s))^2 + (u/u_s)^2``. Between grid points gains are interpolated linearly
+over the logarithms of rim speed and slip stiffness, as the model depends on their ratios.
+"""
+
+import math
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_are
+
+from traction_model.lpv.model import sampled, slip_dynamics
+from traction_model.vehicle.wheel import Wheel
+
+
+@dataclass(frozen=True)
+class ControlWeights:
+    """What the regulator weighs against each other; all above 0.
+
+    Attributes
+    ----------
+    slip : float
+        i_s: slip error that counts as much as a torque of `torque`, dimensionless.
+    integral_time : float
+        t_s, s: time after which a lasting slip error of i_s counts as much again.
+    torque : float
+        u_s as a share of the torque that would lift the wheel's static load at its radius,
+        dimensionless.
+    """
+
+    slip: float = 0.1
+    integral_time: float = 0.5
+    torque: float = 0.3
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not (math.isfinite(value) and value > 0):
+                raise ValueError(f'weight {field.name} must be above 0, got {value}')
+
+
+def lqi_gains(
+    a: float, b: float, lag: float, dt: float, weights: ControlWeights, torque_scale: float
+) -> NDArray[np.float64]:
+    """Gains of the LQI regulator at one operating point.
+
+    Parameters
+    ----------
+    a, b : float
+        Slip dynamics, 1/s and 1/(N*m*s).
+    lag : float
+        Time constant from commanded to shaft torque, s, above 0.
+    dt : float
+        Sampling period, s, above 0.
+    weights : ControlWeights
+        What counts how much.
+    torque_scale : float
+        u_s, N*m, above 0.
+
+    Returns
+    -------
+    ndarray, shape (3,)
+        Gain on slip, N*m; on shaft torque, 1; on the integral of the slip error, N*m/s:
+        ``u = -k[0]*i - k[1]*T + k[2]*z``.
+    """
+    # Scaled to slip i_s and torque u_s, so that the Riccati equation is well conditioned.
+    b_scaled = b * torque_scale / weights.slip
+    a_d, b_d = sampled(
+        np.array([[a, b_scaled, 0.0], [0.0, -1.0 / lag, 0.0], [-1.0, 0.0, 0.0]]),
+        np.array([[0.0], [1.0 / lag], [0.0]]),
+        dt,
+    )
+    q = np.diag([1.0, 1e-9, 1.0 / weights.integral_time**2])
+    r = np.array([[1.0]])
+    riccati = solve_discrete_are(a_d, b_d, q, r)
+    gain = np.linalg.solve(r + b_d.T @ riccati @ b_d, b_d.T @ riccati @ a_d)[0]
+    per_slip = torque_scale / weights.slip
+    return np.array([gain[0] * per_slip, gain[1], -gain[2] * per_slip])
+
+
+class GainSchedule:
+    """Gains of one wheel over rim speed and slip stiffness.
+
+    Parameters
+    ----------
+    wheel : Wheel
+        The wheel.
+    load : float
+        Its static load, N, above 0.
+    slip : float
+        Slip at which the model is linearised, at least 0 and below 1: the target.
+    lag : float
+        Time constant from commanded to shaft torque, s, above 0.
+    dt : float
+        Sampling period, s, above 0.
+    weights : ControlWeights
+        What the regulator weighs against each other.
+    gravity : float
+        m/s^2: load over gravity is the mass that the wheel propels.
+
+    Attributes
+    ----------
+    rim_speeds : ndarray, shape (p,)
+        Grid of rim speeds, m/s, increasing.
+    stiffnesses : ndarray, shape (q,)
+        Grid of slip stiffnesses, N, increasing.
+    gains : ndarray, shape (p, q, 3)
+        Gains at the grid points in the units of `lqi_gains`.
+    """
+
+    def __init__(
+        self,
+        wheel: Wheel,
+        load: float,
+        slip: float,
+        lag: float,
+        dt: float,
+        weights: ControlWeights = ControlWeights(),
+        gravity: float = 9.81,
+    ) -> None:
+        for name, value in (('load', load), ('lag', lag), ('dt', dt)):
+            if not (math.isfinite(value) and value > 0):
+                raise ValueError(f'{name} must be above 0, got {value}')
+        # From walking pace to road speed; from soil that has all but failed to hard ground.
+        self.rim_speeds = np.geomspace(0.3, 12.0, 9)
+        self.stiffnesses = load * np.geomspace(0.2, 50.0, 9)
+        torque_scale = weights.torque * load * wheel.radius
+        self.gains = np.empty((len(self.rim_speeds), len(self.stiffnesses), 3))
+        for p, rim_speed in enumerate(self.rim_speeds):
+            for q, stiffness in enumerate(self.stiffnesses):
+                a, b = slip_dynamics(wheel, load / gravity, rim_speed, stiffness, slip)
+                self.gains[p, q] = lqi_gains(a, b, lag, dt, weights, torque_scale)
+        # Plain numbers: quicker than arrays when one set of gains is wanted at a time.
+        self._log_v = [math.log(v) for v in self.rim_speeds]
+        self._log_c = [math.log(c) for c in self.stiffnesses]
+        self._table = [[tuple(cell) for cell in row] for row in self.gains.tolist()]
+
+    def at(self, rim_speed: float, stiffness: float) -> tuple[float, float, float]:
+        """Interpolate the gains; outside the grid those at its edge.
+
+        Parameters
+        ----------
+        rim_speed : float
+            r*omega, m/s; its magnitude counts.
+        stiffness : float
+            Slip stiffness, N, at least 0.
+
+        Returns
+        -------
+        slip_gain, torque_gain, integral_gain : float
+            N*m, 1, N*m/s.
+        """
+        p, along_v = _place(math.log(max(abs(rim_speed), 1e-6)), self._log_v)
+        q, along_c = _place(math.log(max(stiffness, 1e-6)), self._log_c)
+        low, high = self._table[p], self._table[p + 1]
+        return tuple(  # type: ignore[return-value]
+            (1 - along_v) * ((1 - along_c) * low[q][k] + along_c * low[q + 1][k])
+            + along_v * ((1 - along_c) * high[q][k] + along_c * high[q + 1][k])
+            for k in range(3)
+        )
+
+
+def _place(value: float, grid: list[float]) -> tuple[int, float]:
+    """Cell of an evenly spaced grid that holds a value, and how far into it, 0 to 1."""
+    cells = len(grid) - 1
+    position = (value - grid[0]) / (grid[-1] - grid[0]) * cells
+    position = min(max(position, 0.0), float(cells))
+    cell = min(int(position), cells - 1)
+    return cell, position - cell

@@ -1,0 +1,1 @@
+"""Closed loop, faults, verification, replay, golden files, and their reports."""

@@ -1,0 +1,1 @@
+"""Slip control in closed loop: the loop, trials, scenarios, and the report."""

@@ -1,0 +1,154 @@
+"""Scenarios: five drives in which something happens to a tractor, alike for every controller.
+
+The driver asks for more torque than the soil can use, and slip is limited. Each scenario begins
+on the same loam; what happens, and when or where, is told by its entry in `SCENARIOS`.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from traction_controller.control.slip_control import SlipControl
+from traction_controller.estimation.slip_filter import SlipEstimation
+from traction_evaluation.closed_loop.closed_loop import DT, ClosedLoop, Drive, Sensors
+from traction_model.simulation.sensors import RadarModel
+from traction_model.simulation.simulate import Drawbar, Plant
+from traction_model.soil.soil import Soil, load_soil
+from traction_model.soil.terrain import Terrain
+from traction_model.vehicle.vehicle import Vehicle
+
+LAG = 0.2
+"""Time constant of the drive, s."""
+
+LIMIT = 0.20
+"""Slip to which wheels are limited, dimensionless."""
+
+START_SPEED = 2.0
+"""Speed at the start, m/s."""
+
+RAMP = 1.0
+"""Time over which torque and draft build up, s."""
+
+REQUEST = (0.40, 0.90)
+"""Torque asked for on the first axle and on all others, as shares of static load times radius."""
+
+SENSORS = Sensors(1000.0, RadarModel(0.05, latency=0.05), torque_noise=0.005)
+"""Ordinary sensors."""
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """What happens in a drive.
+
+    Attributes
+    ----------
+    text : str
+        What it is, in words.
+    duration : float
+        s.
+    happens : float
+        When it happens, s; slip is judged from then on.
+    """
+
+    text: str
+    duration: float
+    happens: float
+
+
+SCENARIOS = {
+    'torque_steps': Scenario('torque asked for: half, all, half, all', 12.0, 3.0),
+    'soft_patch': Scenario('10 m of soft soil', 14.0, 3.0),
+    'slope': Scenario('10 degrees uphill', 12.0, 3.0),
+    'drawbar_jump': Scenario('draft doubles', 10.0, 3.0),
+    'split_soil': Scenario('soft soil under the left wheels', 10.0, 3.0),
+}
+"""The scenarios by name."""
+
+
+def run_scenario(
+    name: str,
+    vehicle: Vehicle,
+    estimation: SlipEstimation | None,
+    control: SlipControl | None,
+    seed: int = 1,
+) -> Drive:
+    """Drive a scenario.
+
+    Parameters
+    ----------
+    name : str
+        One of `SCENARIOS`.
+    vehicle : Vehicle
+        What drives, SI units.
+    estimation : SlipEstimation or None
+        What the control sees; None: the truth.
+    control : SlipControl or None
+        What limits slip; None: wheels get what is asked for.
+    seed : int
+        Seed of all noise, at least 0.
+
+    Returns
+    -------
+    Drive
+        The drive, SI units.
+
+    Raises
+    ------
+    ValueError
+        If there is no such scenario.
+    """
+    if name not in SCENARIOS:
+        raise ValueError(f"unknown scenario '{name}'; there are: {', '.join(SCENARIOS)}")
+    scenario = SCENARIOS[name]
+    loam, soft = load_soil('sandy_loam_chrono'), load_soil('soft_patch_chrono')
+    draft = Drawbar(7000.0, 2000.0, RAMP)
+    plant = Plant(
+        vehicle, loam, drawbar=draft, torque_time_constant=LAG, step_size=2e-3, v0=START_SPEED
+    )
+    full = np.array(
+        [
+            share * float(load) * wheel.radius
+            for load, wheel, share in zip(
+                vehicle.static_loads(), vehicle.wheels, _shares(vehicle), strict=True
+            )
+        ]
+    )
+    loop = ClosedLoop(plant, control, estimation, SENSORS, seed)
+    events: dict[str, Callable[[], None]] = {
+        'torque_steps': lambda: None,
+        'soft_patch': lambda: _change(plant, [loam, soft, loam], [0.0, 10.0]),
+        'slope': lambda: _change(plant, [loam, loam], [0.0], [0.0, math.radians(10.0)]),
+        'drawbar_jump': lambda: setattr(
+            plant, 'drawbar', Drawbar(2 * draft.pull, 2 * draft.pull_per_speed)
+        ),
+        'split_soil': lambda: _change(plant, [loam, (soft, loam)], [0.0]),
+    }
+    happened = False
+    for k in range(round(scenario.duration / DT)):
+        t = k * DT
+        if not happened and t >= scenario.happens:
+            happened = True
+            events[name]()
+        share = min(1.0, t / RAMP)
+        if name == 'torque_steps':
+            share *= 1.0 if int(t / scenario.happens) % 2 else 0.5
+        loop.step((share * full).tolist())
+    return loop.drive()
+
+
+def _shares(vehicle: Vehicle) -> list[float]:
+    first = float(np.max(vehicle.wheel_positions))
+    return [REQUEST[0] if x == first else REQUEST[1] for x in vehicle.wheel_positions]
+
+
+def _change(
+    plant: Plant,
+    soils: Sequence[Soil | tuple[Soil, ...]],
+    starts: Sequence[float],
+    grades: float | Sequence[float] = 0.0,
+) -> None:
+    """Lay soils ahead of the foremost wheel, the first of them up to there."""
+    ahead = plant.x + float(np.max(plant.vehicle.wheel_positions))
+    plant.terrain = Terrain(soils, [ahead + start for start in starts], grades)

@@ -1,0 +1,1 @@
+"""Recorded drives: arrays, figures, pictures."""

@@ -1,0 +1,417 @@
+"""Field data: what the controller's estimators make of runs that others have measured.
+
+Two runs, which stay outside the project (``../shared/data/field``):
+
+- a four-wheel rover on paths, 10 Hz wheel speeds and satellite positions: WVU Navigation Lab,
+  corenav-GP, test17run;
+- a tractor New Holland T7.165 S at work, 1 Hz wheel-based and ground-based speed and engine
+  torque: Lindia et al. 2025, tractor-field-operations-dataset.
+
+    python -m traction_evaluation.estimation.field_data
+"""
+
+import csv
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import spearmanr
+
+from traction_controller.estimation.gnss import GnssTrack
+from traction_controller.estimation.odometry import PathOdometry
+from traction_controller.estimation.rolling_radius import Calibration, FirmGround, RollingRadius
+from traction_model.slip import LEAST_SPEED
+from traction_model.slip import slip as slip_of
+
+FOLDER = Path.cwd().parent / 'shared' / 'data' / 'field'
+
+ROVER_RADIUS = 0.1168
+"""Effective radius of the rover's wheels by its positions, m."""
+
+ROVER_NOMINAL = 0.11
+"""Nominal radius of the rover's wheels, m."""
+
+
+def missing() -> str:
+    """Tell why field data cannot be judged here, or nothing if they can."""
+    if FOLDER.is_dir():
+        return ''
+    return f'{FOLDER} is not here: field data may not be copied into the project'
+
+
+def columns(name: str) -> dict[str, np.ndarray]:
+    """Read a table.
+
+    Parameters
+    ----------
+    name : str
+        File name.
+
+    Returns
+    -------
+    dict of str to ndarray
+        Its columns, numbers where they are.
+    """
+    with open(FOLDER / name, encoding='utf-8') as file:
+        head, *rows = csv.reader(file)
+    read = {}
+    for column, cells in zip(head, zip(*rows, strict=True), strict=True):
+        read[column] = np.array(cells) if column == 'state' else np.array(cells, dtype=float)
+    return read
+
+
+@dataclass(frozen=True)
+class RoverRun:
+    """How the rover's run was followed; k samples.
+
+    Attributes
+    ----------
+    t : ndarray, shape (k,)
+        Time, s.
+    omega : ndarray, shape (k,)
+        Mean wheel speed, rad/s.
+    speed : ndarray, shape (k,)
+        Ground speed by satellite, m/s; NaN where not valid.
+    radius, deviation : ndarray, shape (k,)
+        Effective radius as calibrated so far, m, and its standard deviation, m.
+    believed : ndarray of bool, shape (k,)
+        Whether each position was taken in.
+    rebased : int
+        How often the track went on from positions first refused.
+    odometry : PathOdometry
+        Driven by the wheels alone with the radius as calibrated so far.
+    rolled : float
+        What wheels of the radius at the start would have rolled, m.
+    straight : float
+        Distance from start to end by satellite, m.
+    """
+
+    t: np.ndarray
+    omega: np.ndarray
+    speed: np.ndarray
+    radius: np.ndarray
+    deviation: np.ndarray
+    believed: np.ndarray
+    rebased: int
+    odometry: PathOdometry
+    rolled: float
+    straight: float
+
+
+def follow_rover(start_radius: float, jumps: dict[int, np.ndarray] | None = None) -> RoverRun:
+    """Follow the rover's run.
+
+    Parameters
+    ----------
+    start_radius : float
+        Radius that the calibration starts from, m.
+    jumps : dict of int to ndarray, optional
+        By how much some positions are shifted, m: row to east, north, up.
+
+    Returns
+    -------
+    RoverRun
+        SI units.
+    """
+    table = columns('rover_pathfinder.csv')
+    t = table['t']
+    wheels = np.column_stack([table[f'omega_{name}'] for name in ('fl', 'fr', 'rl', 'rr')])
+    places = np.column_stack([table[axis] for axis in ('east', 'north', 'up')])
+    straight = float(np.linalg.norm(places[-1] - places[0]))
+    for row, jump in (jumps or {}).items():
+        places[row] += jump
+    omega = wheels.mean(axis=1)
+    track = GnssTrack()
+    radius = RollingRadius([start_radius])
+    odometry = PathOdometry()
+    angle = rolled = before = 0.0
+    speeds, radii, deviations, believed = [], [], [], []
+    for k, now in enumerate(t):
+        if k:
+            dt = now - t[k - 1]
+            angle += omega[k] * dt
+            v = radius.radius[0] * omega[k]
+            deviation = math.sqrt(radius.scale_variance[0])
+            odometry.advance(dt, v, 0.02**2, scale_deviation=deviation)
+            rolled += start_radius * omega[k] * dt
+        track.wheels(now, radius.radius[0] * omega[k])
+        believed.append(track.fix(now, places[k]))
+        # It pulls nothing: what thrust there is, is for acceleration and slope.
+        effort = abs(omega[k] - before) * start_radius / 0.1 / 9.81
+        before = omega[k]
+        distance = track.distance if track.valid else math.nan
+        radius.advance(now, [angle], distance, effort, track.heading)
+        speeds.append(track.speed if track.valid else math.nan)
+        radii.append(radius.radius[0])
+        deviations.append(radius.nominal[0] * math.sqrt(radius.scale_variance[0]))
+    return RoverRun(
+        t, omega, np.array(speeds), np.array(radii), np.array(deviations), np.array(believed),
+        track.rebased, odometry, rolled, straight,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class RoverFigures:
+    """What came of the rover's run, from one start of the radius.
+
+    Attributes
+    ----------
+    start_radius : float
+        Where the calibration started, m.
+    found : float
+        Time from which on the radius stayed within 1 % of `ROVER_RADIUS`, s.
+    radius : float
+        Radius after 40 s, m.
+    deviation : float
+        Standard deviation that went with it, m.
+    slip_bias : float
+        Mean slip from `found` on until it stops, dimensionless: of free rolling.
+    late_slip_bias : float
+        The same from 40 s on, which is 13 s of driving.
+    refused : int
+        Positions refused of the track as measured: those after its own missing samples.
+    samples : int
+        Positions in it.
+    rebased : int
+        How often the track went on from them.
+    odometry_error : float
+        Distance by wheels with the calibrated radius, against the straight line between start
+        and end by satellite, as a share of that.
+    odometry_deviation : float
+        Standard deviation that the odometry gives of it, as a share.
+    uncompensated_error : float
+        The same by the radius at the start.
+    """
+
+    start_radius: float
+    found: float
+    radius: float
+    deviation: float
+    slip_bias: float
+    late_slip_bias: float
+    refused: int
+    samples: int
+    rebased: int
+    odometry_error: float
+    odometry_deviation: float
+    uncompensated_error: float
+
+
+def rover(start_radius: float = 0.94 * ROVER_RADIUS) -> RoverFigures:
+    """Judge the rover's run.
+
+    Parameters
+    ----------
+    start_radius : float
+        Radius that the calibration starts from, m; by default 6 % wrong.
+
+    Returns
+    -------
+    RoverFigures
+        SI units.
+    """
+    run = follow_rover(start_radius)
+    wrong = np.flatnonzero(np.abs(run.radius / ROVER_RADIUS - 1) > 0.01)
+    found = run.t[wrong[-1] + 1] if wrong[-1] + 1 < len(run.t) else math.inf
+    # By satellite it stands at 53 s; the last samples of wheels and speed do not belong together.
+    driving = (run.t < 52.5) & np.isfinite(run.speed)
+
+    def bias(since: float) -> float:
+        late = driving & (run.t >= since)
+        return float(np.mean(1 - run.speed[late] / (run.radius[late] * run.omega[late])))
+
+    after = int(np.flatnonzero(run.t >= 40.0)[0])
+    return RoverFigures(
+        start_radius=start_radius,
+        found=float(found),
+        radius=float(run.radius[after]),
+        deviation=float(run.deviation[after]),
+        slip_bias=bias(found),
+        late_slip_bias=bias(40.0),
+        refused=int(np.sum(~run.believed)),
+        samples=len(run.t),
+        rebased=run.rebased,
+        odometry_error=run.odometry.distance / run.straight - 1,
+        odometry_deviation=math.sqrt(run.odometry.variance) / run.straight,
+        uncompensated_error=run.rolled / run.straight - 1,
+    )
+
+
+@dataclass(frozen=True)
+class JumpFigures:
+    """What came of jumps put into the rover's track.
+
+    Attributes
+    ----------
+    jumps : int
+        Jumps of 0.3 m put in.
+    refused : int
+        Of these, refused.
+    falsely_refused : int
+        Other positions refused, without those refused of the track as measured.
+    speed_error : float
+        Root mean square of what they did to the speed, m/s.
+    """
+
+    jumps: int
+    refused: int
+    falsely_refused: int
+    speed_error: float
+
+
+def rover_jumps(seed: int = 1, count: int = 100, lasting: int = 1) -> JumpFigures:
+    """Put jumps of 0.3 m into the rover's track while it drives.
+
+    Parameters
+    ----------
+    seed : int
+        Of their times and directions.
+    count : int
+        Number of jumps.
+    lasting : int
+        For how many positions each stays; the last one of a jump's own.
+
+    Returns
+    -------
+    JumpFigures
+        Counted over all positions shifted.
+    """
+    random = np.random.default_rng(seed)
+    clean = follow_rover(ROVER_NOMINAL)
+    # Between the first second and the last of driving.
+    rows = np.flatnonzero((clean.t > 6.0) & (clean.t < 52.5 - 0.1 * lasting))
+    jumps = {}
+    # Jumps that stay do not overlap.
+    for row in random.choice(rows[::lasting], count, replace=False):
+        angle = random.uniform(0, math.tau)
+        for k in range(row, row + lasting):
+            jumps[k] = 0.3 * np.array([math.cos(angle), math.sin(angle), 0.0])
+    spoilt = follow_rover(ROVER_NOMINAL, jumps)
+    shifted = np.zeros(len(clean.t), dtype=bool)
+    shifted[list(jumps)] = True
+    valid = np.isfinite(spoilt.speed) & np.isfinite(clean.speed)
+    return JumpFigures(
+        jumps=count,
+        refused=int(np.sum(~spoilt.believed & shifted)),
+        falsely_refused=int(np.sum(~spoilt.believed & ~shifted & clean.believed)),
+        speed_error=float(np.sqrt(np.mean((spoilt.speed - clean.speed)[valid] ** 2))),
+    )
+
+
+# Of the tractor, engine torque as a share of its reference stands for pull. Satellite speed and
+# wheel speed come once a second, so that they belong together to half a second only.
+TRACTOR_GROUND = FirmGround(largest_effort=0.35, stretch=3.0, distance=0.1, timing=0.5)
+
+
+@dataclass(frozen=True)
+class TractorFigures:
+    """What came of the tractor's day, from one start of the radius.
+
+    Attributes
+    ----------
+    start_scale : float
+        Where the calibration started: of the wheel-based speed as sent by the tractor,
+        dimensionless.
+    scale : float
+        What it found, dimensionless.
+    deviation : float
+        Standard deviation that went with it, dimensionless.
+    calibrated : float
+        Time at which it was known to 1 %, s.
+    measured, refused : int
+        Measurements taken in, and refused.
+    pulling : float
+        Share of the samples of state W above the least speed, in which it was frozen as
+        pulling.
+    slip : dict of str to float
+        Median slip by state M, T and W, dimensionless, after calibration.
+    slip_by_torque : tuple of float
+        Median slip, dimensionless, in fifths of the samples by rising engine torque.
+    rank_correlation : float
+        Spearman's, of slip and engine torque.
+    """
+
+    start_scale: float
+    scale: float
+    deviation: float
+    calibrated: float
+    measured: int
+    refused: int
+    pulling: float
+    slip: dict[str, float]
+    slip_by_torque: tuple[float, ...]
+    rank_correlation: float
+
+
+def tractor(start_scale: float = 0.94) -> TractorFigures:
+    """Judge the tractor's day.
+
+    Parameters
+    ----------
+    start_scale : float
+        Radius that the calibration starts from, over the one in the tractor's wheel-based
+        speed; by default 6 % too small.
+
+    Returns
+    -------
+    TractorFigures
+        SI units; slips are judged from when the radius was known to 1 %.
+    """
+    table = columns('tractor_t7165s.csv')
+    t, state = table['t'], table['state']
+    wheel, ground, torque = table['wheel_speed'], table['ground_speed'], table['engine_torque']
+    # As if the radius were 1 m, the wheel turns by its speed.
+    calibration = RollingRadius([start_scale], TRACTOR_GROUND)
+    scales, frozen = [], []
+    calibrated = math.inf
+    angle = distance = 0.0
+    for k, now in enumerate(t):
+        dt = now - t[k - 1] if k else 0.0
+        angle += wheel[k] * dt
+        distance += ground[k] * dt
+        calibration.advance(now, [angle], distance, torque[k] / 100.0)
+        scales.append(calibration.radius[0])
+        frozen.append(calibration.state is Calibration.PULLING)
+        if calibration.calibrated[0]:
+            calibrated = min(calibrated, now)
+    rim = np.array(scales) * wheel
+    moving = (rim >= LEAST_SPEED) & (t >= calibrated)
+    slip = np.array([slip_of(v, r) for v, r in zip(ground, rim, strict=True)])
+    fifths = np.array_split(np.flatnonzero(moving)[np.argsort(torque[moving], kind='stable')], 5)
+    at_work = (state == 'W') & (ground >= TRACTOR_GROUND.least_speed)
+    return TractorFigures(
+        start_scale=start_scale,
+        scale=float(calibration.radius[0]),
+        deviation=float(start_scale * math.sqrt(calibration.scale_variance[0])),
+        calibrated=float(calibrated),
+        measured=int(calibration.measured[0]),
+        refused=int(calibration.refused[0]),
+        pulling=float(np.mean(np.array(frozen)[at_work])),
+        slip={s: float(np.median(slip[moving & (state == s)])) for s in 'MTW'},
+        slip_by_torque=tuple(float(np.median(slip[rows])) for rows in fifths),
+        rank_correlation=float(spearmanr(slip[moving], torque[moving]).statistic),
+    )
+
+
+def main() -> None:
+    """Print the figures."""
+    said = missing()
+    if said:
+        raise SystemExit(said)
+    for start in (0.94 * ROVER_RADIUS, 1.06 * ROVER_RADIUS, ROVER_NOMINAL):
+        print(rover(start))
+    print(rover_jumps())
+    many = [rover_jumps(seed) for seed in range(100)]
+    print(
+        f'{len(many)} seeds: {sum(m.refused for m in many)} of {sum(m.jumps for m in many)} '
+        f'jumps refused, in {sum(m.refused == m.jumps for m in many)} seeds all; other '
+        f'positions refused {np.mean([m.falsely_refused for m in many]):.1f} a run'
+    )
+    print('jumps that stay for 2 s:', rover_jumps(count=8, lasting=20))
+    for scale in (0.94, 1.0, 1.06):
+        print(tractor(scale))
+
+
+if __name__ == '__main__':
+    main()

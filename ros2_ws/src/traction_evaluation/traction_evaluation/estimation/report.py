@@ -1,0 +1,320 @@
+"""What `make evaluate` says of estimation: bags, changes of soil, field data, time of a step."""
+
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from traction_controller.estimation.slip_filter import SlipEstimation
+from traction_evaluation.estimation import field_data as field_data
+from traction_evaluation.estimation.estimate_errors import estimate_errors
+from traction_evaluation.verification.chrono import CHRONO_RUNS, SAMPLE_TIME, read_chrono
+from traction_evaluation.verification.chrono_bags import RADAR_SIGMA, SEEDS
+from traction_model.contact.tractive import static_contact_length
+from traction_model.soil.soil import load_soil
+from traction_model.vehicle.vehicle import load_vehicle
+
+BAGS = Path('bags')
+
+METHODS = ('ekf', 'ukf', 'lpv')
+# The other two spin at up to 56 m/s.
+TRACTOR_SPEED = (
+    'wheel_drawbar', 'wheel_torque_sine', 'wheel_soft_patch', 'tractor_sandy_loam',
+    'tractor_soft_patch',
+)  # fmt: skip
+SOFT_PATCH = ('wheel_soft_patch', 'tractor_soft_patch')
+RENOISED = range(100, 104)
+GAP = 5.0
+# Of wheels and radar in the bags.
+WHEELS_EVERY, RADAR_EVERY = 2, 20
+
+# Targets.
+SLIP_RMSE = 0.01
+WITHIN = (0.90, 0.99)
+GAP_COSTS = 0.03
+STRENGTH_WITHIN = 0.15
+STRENGTH_BY = 3.0
+RADIUS_WITHIN = 0.01
+FOUND_BY = 40.0
+SLIP_BIAS = 0.01
+WORKING_SLIP, WORKING_WITHIN = 0.083, 0.01
+FREE_SLIP = 0.015
+CONTROL_STEP = 100e-6
+ESTIMATION_STEP = 300e-6
+
+
+class BagErrors(NamedTuple):
+    """How far a method is off on one bag.
+
+    Attributes
+    ----------
+    rmse : float
+        Of slip over all wheels, with the bag's own noise of the radar.
+    worst_rmse : float
+        The largest of that and of those with other noise.
+    within : tuple of float
+        Share of errors within two reported standard deviations over all noises and wheels, and
+        that of the wheel and noise with the fewest.
+    gap_costs : float
+        What a radar gap of `GAP` s adds to the RMSE in the gap and 2 s after it.
+    """
+
+    rmse: float
+    worst_rmse: float
+    within: tuple[float, float]
+    gap_costs: float
+
+
+def bag_errors(name, method):
+    """Errors of a method on a bag; see `BagErrors`."""
+    path = BAGS / name
+    runs = [estimate_errors(path, method=method)]
+    runs += [estimate_errors(path, method=method, radar_seed=seed) for seed in RENOISED]
+    rmse = [run.total_slip_rmse for run in runs]
+    within = np.array([run.within_two_sigma for run in runs])
+    end = float(read_chrono(path / f'{name}.csv.xz', CHRONO_RUNS[name]).t[-1])
+    # In the middle: what came before is known, and there is time for it to come back.
+    begin = (end - GAP) / 2
+    window = {'settle': begin, 'until': begin + GAP + 2.0, 'method': method}
+    silent = estimate_errors(path, radar_gap=(begin, begin + GAP), **window)
+    heard = estimate_errors(path, **window)
+    return BagErrors(
+        rmse[0],
+        max(rmse),
+        (float(within.mean()), float(within.min())),
+        silent.total_slip_rmse - heard.total_slip_rmse,
+    )
+
+
+def soil_change(name, method, seed):
+    """Error of tau_max under the driven wheels after the last one came onto the patch.
+
+    Returns
+    -------
+    t : ndarray
+        Time since then, s.
+    error : ndarray, shape (k, n)
+        Estimated over true tau_max less 1, true being that of the patch under the static load
+        on the nominal contact area, as the estimate is defined.
+    """
+    run = CHRONO_RUNS[name]
+    recording = read_chrono(BAGS / name / f'{name}.csv.xz', run)
+    vehicle = load_vehicle(run.vehicle)
+    nominal, soft = (load_soil(soil) for soil in run.soils)
+    truth = []
+    for wheel, load in zip(vehicle.wheels, vehicle.static_loads(), strict=True):
+        area = wheel.width * static_contact_length(nominal, wheel, load)
+        truth.append(soft.max_shear_stress(load / area))
+    noise = np.random.default_rng(seed).normal(0.0, RADAR_SIGMA, len(recording.t))
+    sees = SlipEstimation(vehicle, nominal, method=method)
+    found = []
+    rows = range(0, len(recording.t), WHEELS_EVERY)
+    for k in rows:
+        t = float(recording.t[k])
+        sees.wheel_states(t, recording.omega[k], recording.torque[k])
+        if k % RADAR_EVERY == 0:
+            sees.radar(t, float(recording.v[k] + noise[k]), RADAR_SIGMA**2)
+        found.append(sees.max_shear_stress.copy())
+    # The hindmost wheel is the last to come there.
+    entered = recording.x + vehicle.wheel_positions.min() >= run.starts[0]
+    last = float(recording.t[np.argmax(entered)])
+    since = recording.t[::WHEELS_EVERY] - last
+    return since, np.array(found) / np.array(truth) - 1
+
+
+def bags_section(table, run, quick=False):
+    """Tables of the bags and of the changes of soil, and targets as in `field_section`.
+
+    `run` maps a function over arguments, on whatever there is; a quick look leaves methods out.
+    """
+    methods = METHODS[:1] if quick else METHODS
+    work = [(name, method) for name in SEEDS for method in methods]
+    found = dict(zip(work, run('bags', bag_errors, work), strict=True))
+    rows = []
+    for name in SEEDS:
+        for method in methods:
+            errors = found[name, method]
+            rows.append(
+                [
+                    name,
+                    method,
+                    f'{errors.rmse:.4f}',
+                    f'{errors.worst_rmse:.4f}',
+                    f'{100 * errors.within[0]:.1f}',
+                    f'{100 * errors.within[1]:.1f}',
+                    f'{errors.gap_costs:+.4f}',
+                ]
+            )
+    noises = [(name, seed) for name in SOFT_PATCH for seed in (SEEDS[name], *RENOISED)]
+    work = [(name, method, seed) for name, seed in noises for method in methods]
+    changes = dict(zip(work, run('changes of soil', soil_change, work), strict=True))
+    change_rows, strengths = [], {}
+    for name in SOFT_PATCH:
+        for method in methods:
+            cells = []
+            for seed in (SEEDS[name], *RENOISED):
+                since, error = changes[name, method, seed]
+                late = np.abs(error[since >= STRENGTH_BY]).max(axis=1)
+                at = np.abs(error[np.argmax(since >= STRENGTH_BY)]).max()
+                outside = np.flatnonzero(np.abs(error).max(axis=1) > STRENGTH_WITHIN)
+                known = since[outside[-1] + 1] if outside[-1] + 1 < len(since) else np.inf
+                cells.append((at, float(np.quantile(late, 0.95)), known))
+            at, later, known = np.array(cells).T
+            strengths[name, method] = float(at.max())
+            change_rows.append(
+                [
+                    name,
+                    method,
+                    f'{100 * at[0]:.1f}',
+                    f'{100 * at.max():.1f}',
+                    f'{100 * later.max():.1f}',
+                    ', '.join(f'{each:.1f}' for each in known),
+                ]
+            )
+    best = min(methods, key=lambda m: max(found[name, m].rmse for name in TRACTOR_SPEED))
+    chosen = {name: found[name, best] for name in TRACTOR_SPEED}
+    worst = max(chosen, key=lambda name: chosen[name].rmse)
+    shares = [share for each in chosen.values() for share in each.within[:1]]
+    gap = max(each.gap_costs for each in chosen.values())
+    strength = max(strengths[name, best] for name in SOFT_PATCH)
+    verdict = [
+        (
+            f'slip RMSE of the best ({best}) on tractor-speed runs, at most ({worst})',
+            f'{chosen[worst].rmse:.4f}',
+            f'at most {SLIP_RMSE:g}',
+            chosen[worst].rmse <= SLIP_RMSE,
+        ),
+        (
+            f'errors inside 2 sigma ({best}, tractor-speed runs)',
+            f'{100 * min(shares):.1f} to {100 * max(shares):.1f} %',
+            f'{100 * WITHIN[0]:g} to {100 * WITHIN[1]:g} %',
+            WITHIN[0] <= min(shares) and max(shares) <= WITHIN[1],
+        ),
+        (
+            f'a {GAP:g} s radar gap costs ({best}, tractor-speed runs)',
+            f'{gap:+.4f}',
+            f'at most {GAP_COSTS:g}',
+            gap <= GAP_COSTS,
+        ),
+        (
+            f'tau_max off truth {STRENGTH_BY:g} s after the last wheel entered the patch ({best})',
+            f'{100 * strength:.1f} %',
+            f'at most {100 * STRENGTH_WITHIN:g} %',
+            strength <= STRENGTH_WITHIN,
+        ),
+    ]
+    values = {
+        'bags': table(
+            ('run', 'method', 'slip RMSE', 'worst noise', 'inside 2σ, %', 'least, %', 'gap costs'),
+            rows,
+        ),
+        'changes': table(
+            ('run', 'method', f'off after {STRENGTH_BY:g} s, %', 'worst noise', 'later, 95 %',
+             f'within {100 * STRENGTH_WITHIN:g} % from, s'),
+            change_rows,
+        ),
+        'noises': str(len(RENOISED)),
+        'gap': f'{GAP:g}',
+        'sigma': f'{RADAR_SIGMA:g}',
+        'radar_rate': f'{1 / (RADAR_EVERY * SAMPLE_TIME):g}',
+    }  # fmt: skip
+    return values, verdict
+
+
+def field_section(table):
+    """Tables of the field data, and targets: what, found, limit as text, and whether it is met."""
+    starts = [0.94 * field_data.ROVER_RADIUS, 1.06 * field_data.ROVER_RADIUS]
+    rovers = [field_data.rover(start) for start in starts]
+    jumps = field_data.rover_jumps()
+    tractors = [field_data.tractor(scale) for scale in (0.94, 1.0, 1.06)]
+    rover_rows = [
+        [
+            f'{each.start_radius:.4f}',
+            f'{each.found:.1f}',
+            f'{each.radius:.4f} ± {each.deviation:.4f}',
+            f'{each.slip_bias:+.4f}',
+            f'{each.late_slip_bias:+.4f}',
+            f'{100 * each.odometry_error:+.2f}',
+            f'{100 * each.uncompensated_error:+.2f}',
+        ]
+        for each in rovers
+    ]
+    tractor_rows = [
+        [
+            f'{each.start_scale:g}',
+            f'{each.scale:.4f} ± {each.deviation:.4f}',
+            f'{each.calibrated:.0f}',
+            *(f'{each.slip[state]:+.4f}' for state in 'MTW'),
+            ', '.join(f'{slip:.3f}' for slip in each.slip_by_torque),
+            f'{each.rank_correlation:.2f}',
+        ]
+        for each in tractors
+    ]
+    first, work = rovers[0], tractors[0]
+    free = max(abs(work.slip[state]) for state in 'MT')
+    rises = bool(np.all(np.diff(work.slip_by_torque) > 0))
+    verdict = [
+        (
+            f'rover: radius within {100 * RADIUS_WITHIN:g} % from a 6 % wrong start',
+            f'after {first.found:.1f} s',
+            f'{FOUND_BY:g} s',
+            first.found <= FOUND_BY,
+        ),
+        (
+            'rover: slip bias after that',
+            f'{first.slip_bias:+.4f}',
+            f'±{SLIP_BIAS:g}',
+            abs(first.slip_bias) < SLIP_BIAS,
+        ),
+        (
+            'rover: jumps of 0.3 m rejected',
+            f'{jumps.refused} of {jumps.jumps}',
+            'all',
+            jumps.refused == jumps.jumps,
+        ),
+        (
+            'tractor: median slip at work',
+            f'{work.slip["W"]:.4f}',
+            f'{WORKING_SLIP:g} ± {WORKING_WITHIN:g}',
+            abs(work.slip['W'] - WORKING_SLIP) <= WORKING_WITHIN,
+        ),
+        (
+            'tractor: median slip on road and turning, off zero',
+            f'{free:.4f}',
+            f'at most {FREE_SLIP:g}',
+            free <= FREE_SLIP,
+        ),
+        (
+            'tractor: slip rises with engine torque, fifth by fifth',
+            'yes' if rises else 'no',
+            'yes',
+            rises,
+        ),
+    ]
+    values = {
+        'rover': table(
+            ('start, m', 'within 1 % from, s', 'radius at 40 s, m', 'slip bias from then',
+             'from 40 s', 'odometry error, %', 'without calibration, %'),
+            rover_rows,
+        ),
+        'jumps': f'{jumps.refused} of {jumps.jumps}',
+        'tractor': table(
+            ('start', 'found', 'known to 1 % from, s', 'slip M', 'slip T', 'slip W',
+             'slip by rising engine torque', 'rank correlation'),
+            tractor_rows,
+        ),
+    }  # fmt: skip
+    return values, verdict
+
+
+def step_time(step, count=3000):
+    """Median time of a step, s, once everything is warm."""
+    for _ in range(count // 10):
+        step()
+    times = np.empty(count)
+    for k in range(count):
+        begun = time.perf_counter()
+        step()
+        times[k] = time.perf_counter() - begun
+    return float(np.median(times))

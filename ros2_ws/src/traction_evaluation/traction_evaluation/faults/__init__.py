@@ -1,0 +1,1 @@
+"""Faults put into the running suite, and what it makes of them."""

@@ -1,0 +1,1 @@
+"""Replay of bags through the suite, and golden files."""

@@ -1,0 +1,335 @@
+"""Replay of a bag through estimator, controller and gate in lock step, the same every time.
+
+Total order (time in the bag, then order of its file), no clock, no middleware: what comes out
+depends on the bag, the parameters and the code alone.
+"""
+
+import gc
+import hashlib
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from torque_gate.nodes.torque_gate import TorqueGateBehaviour
+from traction_controller.nodes.slip_controller import SlipControllerBehaviour
+from traction_controller.nodes.slip_estimator import SlipEstimatorBehaviour
+from traction_evaluation.drives.recording import vehicle_and_soil, vehicle_prefix
+from traction_evaluation.estimation.estimate_errors import EstimateErrors, Judge
+from traction_evaluation.replay.lockstep import LockStep
+from traction_model.definition import closest
+from traction_model.vehicle.vehicle import load_vehicle
+from traction_node.parameter_file import config, read_parameters
+from traction_node.stamp import nanoseconds
+from traction_node.topics import topic
+from tractor_io.bags.bag import QOS, BagError, BagReader, BagWriter, typestore
+
+BEHAVIOURS = {
+    'slip_estimator': ('traction_controller', SlipEstimatorBehaviour),
+    'slip_controller': ('traction_controller', SlipControllerBehaviour),
+    'torque_gate': ('torque_gate', TorqueGateBehaviour),
+}
+"""What a bag is sent through: package and behaviour by the name of the node."""
+
+NOT_REPLAYED = {
+    'plant_node',
+    'drive_cycle',
+    'can_bridge',
+    'tractor_ecu',
+    'bag_recorder',
+    'bag_player',
+}
+"""Nodes of the suite that take no part."""
+
+REQUESTS = ('torque_request', 'wheel_torque_command', 'wheel_torque')
+"""Topics of a bag that may be the request to the controller, the first that it holds."""
+
+_TRUTH = 'ground_truth/slip_estimate'
+
+LONGEST_PAUSE = 3600.0
+"""Longest time without a message in a bag that is replayed, s: the gate goes on at 100 Hz."""
+
+Parameters = Mapping[str, Mapping[str, Any]]
+
+
+@dataclass
+class Replay:
+    """What came of a replay.
+
+    Attributes
+    ----------
+    messages : list of tuple
+        All that was published, in order: topic, type, time in the bag (ns), CDR bytes.
+    start : int
+        Time in the bag of its first message, ns.
+    duration : float
+        Length of the bag, s.
+    wall : float
+        Time it took to compute, s.
+    errors : EstimateErrors or None
+        Estimates against ground truth, where the bag holds any that counts.
+    truths : int
+        Messages of ground truth in the bag.
+    custom_data : dict of str to str
+        Vehicle, soil, source and parameters, as a bag of the outputs says them.
+    """
+
+    messages: list[tuple[str, str, int, bytes]] = field(default_factory=list)
+    start: int = 0
+    duration: float = 0.0
+    wall: float = 0.0
+    errors: EstimateErrors | None = None
+    truths: int = 0
+    custom_data: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def sha256(self) -> str:
+        """SHA-256 of all topics, times and contents, in order."""
+        digest = hashlib.sha256()
+        for name, _, ns, data in self.messages:
+            digest.update(f'{name} {ns} {len(data)}\n'.encode())
+            digest.update(data)
+        return digest.hexdigest()
+
+    def values(self, name: str) -> list[Any]:
+        """Messages of a topic.
+
+        Parameters
+        ----------
+        name : str
+            Topic; the leading slash may be left out.
+
+        Returns
+        -------
+        list
+            Decoded, in order; SI units.
+        """
+        full_name = f'/{name.lstrip("/")}'
+        store = typestore()
+        return [
+            store.deserialize_cdr(data, type_name)
+            for where, type_name, _, data in self.messages
+            if where == full_name
+        ]
+
+    def write(self, path: Path | str) -> None:
+        """Write an MCAP bag of the outputs.
+
+        Parameters
+        ----------
+        path : Path or str
+            Folder to make.
+
+        Raises
+        ------
+        BagError
+            If it exists or cannot be written.
+        """
+        with BagWriter(path, self.custom_data) as bag:
+            for name, type_name, ns, data in self.messages:
+                if name not in bag.counts:
+                    row = topic(name if name == '/diagnostics' else name[1:])
+                    bag.add_topic(name, type_name, QOS[row.qos])
+                bag.write(name, ns, data)
+
+
+def chosen_parameters(
+    path: Path | str | None, assignments: Sequence[str]
+) -> dict[str, dict[str, Any]]:
+    """Parameters by node from a file and from a command line.
+
+    Parameters
+    ----------
+    path : Path or str, optional
+        Parameter file of ROS 2; what it has for nodes that take no part is passed over.
+    assignments : sequence of str
+        Each ``NODE.NAME=VALUE``, the value as in YAML; they overrule the file.
+
+    Returns
+    -------
+    dict of str to dict
+        By node; SI units.
+
+    Raises
+    ------
+    ValueError
+        If file or assignment cannot be read.
+    """
+    read = read_parameters(path) if path is not None else {}
+    everywhere = read.pop('**', {})
+    chosen = {name: values for name, values in read.items() if name not in NOT_REPLAYED}
+    for name in BEHAVIOURS if everywhere else ():
+        chosen[name] = everywhere | chosen.get(name, {})
+    for values in chosen.values():
+        # Who replays starts them.
+        values.pop('autostart', None)
+    for assignment in assignments:
+        name, equals, text = assignment.partition('=')
+        node, dot, parameter = name.partition('.')
+        if not (node and dot and parameter and equals):
+            raise ValueError(f"parameter '{assignment}' should read NODE.NAME=VALUE")
+        try:
+            value = yaml.safe_load(text)
+        except yaml.YAMLError as error:
+            raise ValueError(
+                f"parameter '{assignment}': {' '.join(str(error).split())}"
+            ) from error
+        chosen.setdefault(node, {})[parameter] = value
+    return chosen
+
+
+def parameters_for(vehicle: str, soil: str, changes: Parameters) -> dict[str, dict[str, Any]]:
+    """Parameters of estimator, controller and gate for a vehicle.
+
+    The shipped files are for one vehicle. Another one has the defaults of the nodes, and the law
+    lqi, which needs no gain table.
+
+    Parameters
+    ----------
+    vehicle, soil : str
+        Preset, or path of a definition.
+    changes : mapping of str to mapping
+        What differs, by node.
+
+    Returns
+    -------
+    dict of str to dict
+        By node; SI units.
+
+    Raises
+    ------
+    ValueError
+        For a node that takes no part.
+    """
+    for name in changes:
+        if name not in BEHAVIOURS:
+            raise ValueError(f"a replay has no node '{name}'{closest(name, BEHAVIOURS)}")
+    chosen: dict[str, dict[str, Any]] = {}
+    for name, (package, _) in BEHAVIOURS.items():
+        shipped = read_parameters(config(package, f'{name}.yaml'))[name]
+        chosen[name] = shipped
+    if vehicle != chosen['slip_controller']['vehicle']:
+        chosen = {
+            'slip_estimator': {},
+            'slip_controller': {'law': 'lqi'},
+            'torque_gate': {'wheel_names': list(load_vehicle(vehicle).wheel_names)},
+        }
+    for name in ('slip_estimator', 'slip_controller'):
+        chosen[name] |= {'vehicle': vehicle, 'soil': soil}
+    for name, values in changes.items():
+        chosen[name] |= values
+    return chosen
+
+
+def replay(
+    path: Path | str,
+    *,
+    vehicle: str = '',
+    soil: str = '',
+    parameters: Parameters | None = None,
+    judge: Judge | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Replay:
+    """Send a bag through the suite in lock step.
+
+    Parameters
+    ----------
+    path : Path or str
+        Bag, MCAP or sqlite3, with `wheel_states`, in any namespace. Without a `torque_request` in
+        it, the torque that was commanded counts as asked for.
+    vehicle, soil : str
+        Empty for those the bag names.
+    parameters : mapping of str to mapping, optional
+        What differs from the shipped parameters, by node.
+    judge : Judge, optional
+        What of the estimates is compared with ground truth.
+    progress : callable, optional
+        Called with the share that is done, 0 to 1.
+
+    Returns
+    -------
+    Replay
+        The outputs.
+
+    Raises
+    ------
+    BagError
+        If the bag cannot be read, holds no `wheel_states` of the vehicle, or names no vehicle and
+        none is given.
+    ValueError
+        If vehicle, soil or a parameter is refused.
+    """
+    judge = judge or Judge()
+    result = Replay()
+    with BagReader(path) as bag:
+        prefix = vehicle_prefix(bag)
+        vehicle, soil = vehicle_and_soil(bag, vehicle, soil)
+        chosen = parameters_for(vehicle, soil, parameters or {})
+        source = bag.custom_data.get('source', '')
+        result.custom_data = {
+            'vehicle': vehicle,
+            'soil': soil,
+            'source': f'replay of: {source}' if source else 'replay',
+            'parameters': yaml.safe_dump(chosen, sort_keys=True, allow_unicode=True),
+        }
+
+        estimates: dict[int, tuple[Any, Any, float]] = {}
+        lockstep = LockStep(
+            typestore(), lambda *message: result.messages.append(message), bag.start
+        )
+        nodes = {
+            name: lockstep.add(behaviour, chosen[name])
+            for name, (_, behaviour) in BEHAVIOURS.items()
+        }
+
+        def remember(message: Any) -> None:
+            stamp = nanoseconds(message.header.stamp)
+            estimates[stamp] = (
+                list(message.slip), list(message.slip_variance), message.ground_based_speed,
+            )  # fmt: skip
+
+        there = {name for name in bag.topics if name.startswith(prefix)}
+        request = next(
+            (n for n in REQUESTS if prefix + n in there and bag.topics[prefix + n].count), ''
+        )
+        produced = {'slip_estimate', 'terrain_estimate', 'wheel_torque_command'}
+        sent = {prefix + name: name for name in lockstep.inputs - produced} | (
+            {prefix + request: 'torque_request'} if request else {}
+        )
+        judged = prefix + _TRUTH in there
+        names = load_vehicle(vehicle).wheel_names
+        if judged:
+            lockstep.subscribe('slip_estimate', remember)
+        began = time.perf_counter()
+        # As in a node: what is collected meanwhile would be found alive anyway.
+        gc.disable()
+        try:
+            for message in bag.messages(sorted(there & set(sent))):
+                pause = (message.time - lockstep.now) * 1e-9
+                if pause > LONGEST_PAUSE:
+                    raise BagError(
+                        f'{path}: nothing from {(lockstep.now - bag.start) * 1e-9:.3f} s on for '
+                        f'{pause:.0f} s: cut the bag there (traction bag cut)'
+                    )
+                lockstep.put(sent[message.topic], message.time, message.message)
+                if progress is not None:
+                    progress((message.time - bag.start) / max(1, bag.end - bag.start))
+            lockstep.advance(bag.end)
+        finally:
+            gc.enable()
+        result.wall = time.perf_counter() - began
+        if not any(name == '/slip_estimate' for name, *_ in result.messages):
+            raise BagError(f'{path}: no estimate came of it: {nodes["slip_estimator"].said}')
+        result.start, result.duration = bag.start, bag.duration
+        for message in bag.messages([prefix + _TRUTH]) if judged else ():
+            result.truths += 1
+            ns = nanoseconds(message.message.header.stamp)
+            if ns in estimates:
+                # Of stamps alone: those of a simulation may be far from the times of the bag.
+                t = (ns - next(iter(estimates))) * 1e-9
+                judge.add(t, names, *estimates[ns], message.message)
+        result.errors = judge.errors(names)
+    return result

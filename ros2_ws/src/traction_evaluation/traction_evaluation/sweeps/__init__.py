@@ -1,0 +1,1 @@
+"""Sweeps of many drives on all cores."""

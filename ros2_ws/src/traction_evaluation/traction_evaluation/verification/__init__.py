@@ -1,0 +1,1 @@
+"""The model against Project Chrono, the paper and wheel tests."""

@@ -1,0 +1,162 @@
+"""The Project Chrono runs that the model is checked against: what was driven, and how it went.
+
+Rigid cylinder wheels on SCM deformable terrain, Project Chrono 8.0.0, sampled every 5 ms; see
+``bags/README.md``. Single-wheel runs are those of Agriculture 2024, 14(3), 499, Table 1, and
+variations of them.
+"""
+
+import csv
+import lzma
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from traction_model.simulation.simulate import Drawbar
+from traction_model.slip import slips
+from traction_model.soil.soil import load_soil
+from traction_model.soil.terrain import Terrain
+from traction_model.vehicle.vehicle import Vehicle, load_vehicle
+
+Array = NDArray[np.float64]
+
+SAMPLE_TIME = 0.005
+"""Step of the recordings, s."""
+
+
+@dataclass(frozen=True)
+class ChronoRun:
+    """What was driven.
+
+    Attributes
+    ----------
+    vehicle : str
+        Preset of the vehicle.
+    soils : tuple of str
+        Presets of the soils, in the order in which they were met.
+    starts : tuple of float
+        Where each soil but the first began, m along the path of the rear axle.
+    drawbar : Drawbar
+        Draft, N.
+    """
+
+    vehicle: str
+    soils: tuple[str, ...]
+    starts: tuple[float, ...] = ()
+    drawbar: Drawbar = Drawbar()
+
+    def terrain(self) -> Terrain:
+        """Return the soils along the path, SI units."""
+        return Terrain([load_soil(name) for name in self.soils], self.starts)
+
+
+def _wheel(pull: float = 0.0, pull_per_speed: float = 0.0) -> ChronoRun:
+    drawbar = Drawbar(pull, pull_per_speed, ramp=2.0)
+    return ChronoRun('single_wheel_rig', ('paper_sand',), drawbar=drawbar)
+
+
+CHRONO_RUNS = {
+    'wheel_drawbar': _wheel(900, 300),
+    'wheel_torque_sine': _wheel(900, 300),
+    'wheel_soft_patch': ChronoRun(
+        'single_wheel_rig', ('paper_sand', 'paper_sand_soft'), (8.5,), Drawbar(700, 300, ramp=2.0)
+    ),
+    'wheel_low_slip': _wheel(),
+    'wheel_high_slip': _wheel(),
+    'tractor_sandy_loam': ChronoRun(
+        'tractor_4wd', ('sandy_loam_chrono',), drawbar=Drawbar(6000, 1500, ramp=2.0)
+    ),
+    'tractor_soft_patch': ChronoRun(
+        'tractor_4wd',
+        ('sandy_loam_chrono', 'soft_patch_chrono'),
+        (22.0,),
+        Drawbar(5500, 1800, ramp=2.0),
+    ),
+}
+"""The runs by name."""
+
+
+@dataclass(frozen=True)
+class ChronoRecording:
+    """How a run went; k samples, n wheels.
+
+    Attributes
+    ----------
+    run : ChronoRun
+        What was driven.
+    vehicle : Vehicle
+        The vehicle.
+    columns : dict of str to ndarray
+        Columns as recorded, SI units.
+    t : ndarray, shape (k,)
+        Time, s.
+    v, x : ndarray, shape (k,)
+        Speed, m/s, and distance, m.
+    torque, omega, sinkage, net_force : ndarray, shape (k, n)
+        Drive torque, N*m; wheel speed, rad/s; sinkage of the wheel, m, negative off the ground;
+        net horizontal force of the soil on the wheel, N.
+    """
+
+    run: ChronoRun
+    vehicle: Vehicle
+    columns: dict[str, Array]
+    t: Array
+    v: Array
+    x: Array
+    torque: Array
+    omega: Array
+    sinkage: Array
+    net_force: Array
+
+    @property
+    def rim_speed(self) -> Array:
+        """Speed of every wheel's rim, r*omega, m/s, forward positive, shape (k, n)."""
+        return self.omega * [wheel.radius for wheel in self.vehicle.wheels]
+
+    @property
+    def slip(self) -> Array:
+        """Slip of every wheel, -1 to 1, shape (k, n)."""
+        return np.asarray(slips(self.v, self.rim_speed))
+
+
+def read_chrono(path: str | Path, run: ChronoRun) -> ChronoRecording:
+    """Read the recording of a run.
+
+    Parameters
+    ----------
+    path : str or Path
+        CSV file with a header line, compressed by xz.
+    run : ChronoRun
+        What was driven.
+
+    Returns
+    -------
+    ChronoRecording
+        The recording, SI units.
+
+    Raises
+    ------
+    ValueError
+        Naming the file and what is missing, or if it is not sampled every 5 ms.
+    """
+    with lzma.open(path, 'rt', encoding='utf-8') as file:
+        names, *rows = csv.reader(file)
+    columns = dict(zip(names, np.array(rows, dtype=float).T, strict=True))
+    vehicle = load_vehicle(run.vehicle)
+
+    def wheels(name: str) -> Array:
+        if name in columns:  # a single wheel has no suffix
+            return np.asarray(columns[name][:, np.newaxis])
+        return np.column_stack([columns[f'{name}_{wheel}'] for wheel in vehicle.wheel_names])
+
+    try:
+        recording = ChronoRecording(
+            run, vehicle, columns, columns['t'], columns['v'], columns['x'],
+            wheels('torque'), wheels('omega'), wheels('sinkage'), wheels('fx'),
+        )  # fmt: skip
+    except KeyError as error:
+        raise ValueError(f'{path}: column {error.args[0]} is missing') from error
+    if not np.allclose(np.diff(recording.t), SAMPLE_TIME):
+        raise ValueError(f'{path}: not sampled every {SAMPLE_TIME} s')
+    return recording

@@ -1,0 +1,318 @@
+"""Makes the bags in bags/ from the Project Chrono runs kept beside them as compressed CSV.
+
+The same CSV gives the same bytes, radar noise included. What is in a bag, and why, is told
+in bags/README.md.
+"""
+
+import argparse
+import lzma
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from traction_evaluation.verification.chrono import CHRONO_RUNS, ChronoRecording, read_chrono
+from traction_model.slip import LEAST_SPEED, is_valid, slip
+from traction_node.topics import topic
+from tractor_io.bags.bag import QOS, BagError, BagWriter, typestore
+
+BAGS = Path('bags')
+
+EPOCH = 1_000_000_000
+"""Stamp of the first sample of every bag, ns."""
+
+RADAR_SIGMA = 0.05
+"""Standard deviation of the radar's noise, m/s."""
+
+SOURCE = 'Project Chrono 8.0.0, SCM deformable terrain, simulated by this project'
+
+TOPICS = (
+    'wheel_states',
+    'radar',
+    'wheel_torque',
+    'ground_truth/slip_estimate',
+    'ground_truth/terrain_estimate',
+    'ground_truth/odometry',
+)
+
+SEEDS = {
+    'tractor_sandy_loam': 1,
+    'tractor_soft_patch': 2,
+    'wheel_drawbar': 3,
+    'wheel_high_slip': 4,
+    'wheel_low_slip': 5,
+    'wheel_soft_patch': 6,
+    'wheel_torque_sine': 7,
+}
+"""Seed of the radar's noise, one of its own per run, never changed."""
+
+
+class Samples:
+    """A run's columns, one entry per 5 ms, with those of the wheels side by side.
+
+    Parameters
+    ----------
+    recording : ChronoRecording
+        The run.
+    """
+
+    def __init__(self, recording: ChronoRecording):
+        self.names = list(recording.vehicle.wheel_names)
+        self.radius = np.array([wheel.radius for wheel in recording.vehicle.wheels])
+        self.time = recording.t
+        self.v = recording.v
+        self.x = recording.x
+        self.pitch = recording.columns.get('pitch', np.zeros_like(self.time))
+        self.torque = recording.torque
+        self.omega = recording.omega
+        self.sinkage = recording.sinkage
+        self.force = recording.net_force
+        self.rim_speed = recording.rim_speed
+        self.drawbar = recording.columns.get('drawbar')
+        if self.drawbar is None:
+            drawbar = recording.run.drawbar
+            pull = drawbar.pull + drawbar.pull_per_speed * self.v
+            self.drawbar = pull * np.minimum(1.0, self.time / drawbar.ramp)
+
+
+class Messages:
+    """Makes the messages of a bag from samples, one kind a method.
+
+    Parameters
+    ----------
+    samples : Samples
+        The run.
+    seed : int
+        Of the radar's noise.
+    """
+
+    def __init__(self, samples: Samples, seed: int):
+        self._s = samples
+        self._types = typestore().types
+        noise = np.random.default_rng(seed).normal(0.0, RADAR_SIGMA, len(samples.time))
+        self._radar_speed = samples.v + noise
+
+    def stamp(self, k: int) -> int:
+        """Stamp of sample k, ns."""
+        return EPOCH + round(self._s.time[k] * 1e9)
+
+    def wheel_states(self, k: int):
+        """Tachometers and shaft torques."""
+        return self._joint_state(k, self._s.omega[k], self._s.torque[k])
+
+    def wheel_torque(self, k: int):
+        """Commanded torques; the runs apply them as commanded."""
+        return self._joint_state(k, np.zeros(0), self._s.torque[k])
+
+    def radar(self, k: int):
+        """True speed with noise; only linear.x is measured."""
+        types = self._types
+        covariance = np.zeros(36)
+        covariance[0] = RADAR_SIGMA**2
+        twist = types['geometry_msgs/msg/TwistWithCovariance'](
+            twist=self._twist(self._radar_speed[k]), covariance=covariance
+        )
+        return types['geometry_msgs/msg/TwistWithCovarianceStamped'](
+            header=self._header(k, 'radar'), twist=twist
+        )
+
+    def slip_estimate(self, k: int):
+        """True slip and speeds; thrust proper and slip stiffness are not known, hence NaN."""
+        s = self._s
+        v, rims = s.v[k], s.rim_speed[k]
+        n = len(s.names)
+        kind = self._types['traction_interfaces/msg/SlipEstimate']
+        return kind(
+            header=self._header(k, 'base_link'),
+            wheel_names=s.names,
+            slip=np.array([slip(v, rim) for rim in rims]),
+            slip_variance=np.zeros(n),
+            valid=np.array([is_valid(v, rim, LEAST_SPEED) for rim in rims]),
+            wheel_based_speed=rims,
+            ground_based_speed=v,
+            ground_based_speed_variance=0.0,
+            ground_based_speed_valid=True,
+            source=kind.SOURCE_SIMULATED,
+            thrust=np.full(n, np.nan),
+            slip_stiffness=np.full(n, np.nan),
+            rolling_radius=s.radius,
+            rolling_radius_variance=np.zeros(n),
+            immobilisation=kind.IMMOBILISATION_NONE,
+            immobilisation_reason='',
+            time_to_immobilisation=float('nan'),
+        )
+
+    def terrain_estimate(self, k: int):
+        """True soil force, sinkage and drawbar pull; forces are means since the last one.
+
+        Chrono gives the net force of the soil on a wheel, not thrust and soil resistance
+        apart. So thrust is net of soil resistance here and motion_resistance is the drawbar
+        pull alone: their sum still accelerates the vehicle. Shear stress and slip stiffness
+        are not known, hence NaN; all else is exact, hence valid.
+        """
+        s = self._s
+        n = len(s.names)
+        unknown = np.full(n, np.nan)
+        since = slice(max(0, k - TERRAIN_STEP + 1), k + 1)
+        return self._types['traction_interfaces/msg/TerrainEstimate'](
+            header=self._header(k, 'base_link'),
+            wheel_names=s.names,
+            max_shear_stress=unknown,
+            max_shear_stress_variance=unknown,
+            shear_deformation_modulus=unknown,
+            shear_deformation_modulus_variance=unknown,
+            thrust=s.force[since].mean(axis=0),
+            slip_stiffness=unknown,
+            sinkage=s.sinkage[k],
+            sinkage_variance=np.zeros(n),
+            valid=np.ones(n, dtype=bool),
+            motion_resistance=float(s.drawbar[since].mean()),
+            motion_resistance_variance=0.0,
+        )
+
+    def odometry(self, k: int):
+        """True position, pitch and speed."""
+        types, s = self._types, self._s
+        # Nose up is a negative turn about y, which points left (REP-103).
+        half = -0.5 * s.pitch[k]
+        pose = types['geometry_msgs/msg/Pose'](
+            position=types['geometry_msgs/msg/Point'](x=s.x[k], y=0.0, z=0.0),
+            orientation=types['geometry_msgs/msg/Quaternion'](
+                x=0.0, y=np.sin(half), z=0.0, w=np.cos(half)
+            ),
+        )
+        return types['nav_msgs/msg/Odometry'](
+            header=self._header(k, 'odom'),
+            child_frame_id='base_link',
+            pose=types['geometry_msgs/msg/PoseWithCovariance'](pose=pose, covariance=np.zeros(36)),
+            twist=types['geometry_msgs/msg/TwistWithCovariance'](
+                twist=self._twist(s.v[k]), covariance=np.zeros(36)
+            ),
+        )
+
+    def _header(self, k: int, frame: str):
+        sec, nanosec = divmod(self.stamp(k), 10**9)
+        stamp = self._types['builtin_interfaces/msg/Time'](sec=sec, nanosec=nanosec)
+        return self._types['std_msgs/msg/Header'](stamp=stamp, frame_id=frame)
+
+    def _joint_state(self, k: int, velocity: NDArray[np.float64], effort: NDArray[np.float64]):
+        return self._types['sensor_msgs/msg/JointState'](
+            header=self._header(k, 'base_link'),
+            name=self._s.names,
+            position=np.zeros(0),
+            velocity=velocity,
+            effort=effort,
+        )
+
+    def _twist(self, speed: float):
+        vector = self._types['geometry_msgs/msg/Vector3']
+        return self._types['geometry_msgs/msg/Twist'](
+            linear=vector(x=speed, y=0.0, z=0.0), angular=vector(x=0.0, y=0.0, z=0.0)
+        )
+
+
+# Samples from one message to the next: 100, 50 and 10 Hz.
+FAST_STEP, ODOMETRY_STEP, TERRAIN_STEP = 2, 4, 20
+
+
+def make_bag(name: str, csv_path: Path, folder: Path) -> None:
+    """Write the bag of a run.
+
+    Parameters
+    ----------
+    name : str
+        A key of CHRONO_RUNS.
+    csv_path : Path
+        Its samples.
+    folder : Path
+        Bag folder to make; must not exist.
+    """
+    run = CHRONO_RUNS[name]
+    samples = Samples(read_chrono(csv_path, run))
+    messages = Messages(samples, SEEDS[name])
+    about = {'vehicle': run.vehicle, 'soil': run.soils[0], 'source': f'{SOURCE}: run {name}'}
+    with BagWriter(folder, about) as bag:
+        for name in TOPICS:
+            row = topic(name)
+            bag.add_topic(f'/{name}', row.type, QOS[row.qos])
+        for k in range(0, len(samples.time), FAST_STEP):
+            time = messages.stamp(k)
+            bag.write('/wheel_states', time, messages.wheel_states(k))
+            if k % TERRAIN_STEP == 0:
+                bag.write('/radar', time, messages.radar(k))
+            bag.write('/wheel_torque', time, messages.wheel_torque(k))
+            bag.write('/ground_truth/slip_estimate', time, messages.slip_estimate(k))
+            if k % TERRAIN_STEP == 0:
+                bag.write('/ground_truth/terrain_estimate', time, messages.terrain_estimate(k))
+            if k % ODOMETRY_STEP == 0:
+                bag.write('/ground_truth/odometry', time, messages.odometry(k))
+
+
+def remake(name: str, bags: Path) -> None:
+    """Make the bag of a run anew beside its CSV.
+
+    Parameters
+    ----------
+    name : str
+        A key of CHRONO_RUNS.
+    bags : Path
+        Folder of all bags.
+    """
+    folder = bags / name
+    with tempfile.TemporaryDirectory(dir=bags) as scratch:
+        made = Path(scratch) / name
+        make_bag(name, folder / f'{name}.csv.xz', made)
+        for path in made.iterdir():
+            path.replace(folder / path.name)
+
+
+def import_csv(source: Path, bags: Path) -> None:
+    """Compress the CSV of every run into the folder of its bag.
+
+    Parameters
+    ----------
+    source : Path
+        Folder of the plain CSV files.
+    bags : Path
+        Folder of all bags.
+    """
+    for name in CHRONO_RUNS:
+        (bags / name).mkdir(parents=True, exist_ok=True)
+        target = bags / name / f'{name}.csv.xz'
+        with (
+            (source / f'{name}.csv').open('rb') as plain,
+            lzma.open(target, 'wb', preset=9 | lzma.PRESET_EXTREME) as packed,
+        ):
+            shutil.copyfileobj(plain, packed)
+
+
+def main() -> int:
+    """Entry point of the command line."""
+    parser = argparse.ArgumentParser(description=__doc__.split('\n', 1)[0])
+    parser.add_argument('names', nargs='*', metavar='NAME', help='bags to make (default: all)')
+    parser.add_argument('--bags', type=Path, default=BAGS, help='folder of the bags')
+    parser.add_argument(
+        '--import-csv', type=Path, metavar='DIR', help='first take the CSV files from DIR'
+    )
+    arguments = parser.parse_args()
+    for name in arguments.names:
+        if name not in CHRONO_RUNS:
+            parser.error(f"no run '{name}'; there are: {', '.join(CHRONO_RUNS)}")
+    try:
+        if arguments.import_csv:
+            import_csv(arguments.import_csv, arguments.bags)
+        for name in arguments.names or CHRONO_RUNS:
+            remake(name, arguments.bags)
+            size = (arguments.bags / name / f'{name}.mcap').stat().st_size
+            print(f'{arguments.bags / name}: {size / 1e3:.0f} kB')
+    except (BagError, ValueError, OSError) as error:
+        print(f'make_bags: {error}', file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""Contact of wheels with soil: forces, moments and tractive figures."""

@@ -1,0 +1,1 @@
+"""Linear parameter-varying models of traction."""

@@ -1,0 +1,333 @@
+"""The node `plant_node`: a simulated vehicle in place of the real one."""
+
+import math
+import time
+from collections import Counter
+
+from rclpy.qos import QoSProfile
+from rosgraph_msgs.msg import Clock
+
+from traction_interfaces.msg import SlipEstimate
+from traction_model.contact.contact import Form
+from traction_model.simulation.sensors import Radar, RadarModel, Tachometer
+from traction_model.simulation.simulate import Drawbar, Plant
+from traction_model.soil.soil import load_soil
+from traction_model.soil.terrain import Terrain, load_terrain
+from traction_model.vehicle.vehicle import load_vehicle
+from traction_node import diagnostic
+from traction_node.joints import JointOrder
+from traction_node.node import TractionNode
+from traction_node.parameter import Parameter
+from traction_node.run import run
+from traction_node.stamp import seconds, to_stamp
+from traction_node.topics import message_class, topic
+
+
+class PlantNode(TractionNode):
+    """Simulates the vehicle on its soil: torque in, sensor readings and ground truth out."""
+
+    NAME = 'plant_node'
+    PARAMETERS = (
+        Parameter('vehicle', 'tractor_4wd', 'preset or path of a vehicle YAML', read_only=True),
+        Parameter(
+            'soils',
+            ['sandy_loam_chrono'],
+            'presets, or file.yaml:name, in the order in which they are met',
+            read_only=True,
+        ),
+        Parameter(
+            'soil_starts',
+            [0.0],
+            'where each soil begins along the path of the rear axle (the first: not used)',
+            unit='m',
+            read_only=True,
+        ),
+        Parameter(
+            'terrain',
+            '',
+            'YAML or CSV file of soils and slopes along the path, in place of soils and grade',
+            read_only=True,
+        ),
+        Parameter(
+            'multipass',
+            True,
+            'whether wheels meet the ruts of those before them, or fresh soil',
+            read_only=True,
+        ),
+        Parameter(
+            'form',
+            'contact',
+            'form of the contact model',
+            choices=tuple(form.name.lower() for form in Form),
+            read_only=True,
+        ),
+        Parameter(
+            'sinkage',
+            'dynamic',
+            'sinkage as a state, or from vertical equilibrium, which is many times slower and can '
+            'stall on very soft soil',
+            choices=('dynamic', 'equilibrium'),
+            read_only=True,
+        ),
+        Parameter('drawbar_pull', 0.0, 'draft of the implement', 'N', 0.0, read_only=True),
+        Parameter(
+            'drawbar_pull_per_speed', 0.0, 'growth of draft with speed', 'N·s/m', 0.0,
+            read_only=True,
+        ),
+        Parameter(
+            'drawbar_ramp', 2.0, 'time over which draft builds up', 's', 0.0, read_only=True
+        ),
+        Parameter('grade', 0.0, 'slope, uphill positive', 'rad', -0.785, 0.785, read_only=True),
+        Parameter(
+            'torque_time_constant', 0.1, 'lag of shaft behind commanded torque', 's', 0.0, 2.0,
+            read_only=True,
+        ),
+        Parameter(
+            'max_power', 0.0, 'power of the engine; 0: unlimited', 'W', 0.0, read_only=True
+        ),
+        Parameter(
+            'torque_timeout', 0.5, 'silence of wheel_torque after which no torque acts', 's', 0.01,
+            10.0, read_only=True,
+        ),
+        Parameter(
+            'rate', 100.0, 'rate of wheel_states, in simulated time', 'Hz', 10.0, 1000.0,
+            read_only=True,
+        ),
+        Parameter(
+            'real_time_factor',
+            1.0,
+            'simulated per real time, 0.2 or more; 0: as fast as wheel_torque answers every '
+            'wheel_states. Unless 1, /clock is published and stamps are simulated time; the '
+            'gate goes on measuring its time-outs and rates in real time',
+            minimum=0.0,
+            maximum=100.0,
+            read_only=True,
+        ),
+        Parameter(
+            'wait_for_torque', 5.0, 'as fast as possible: real time to wait for a first publisher '
+            'of wheel_torque before going on without', 's', 0.0, 60.0, read_only=True,
+        ),
+        Parameter(
+            'duration', 0.0, 'simulated time after which the node ends; 0: never', 's', 0.0,
+            read_only=True,
+        ),
+        Parameter(
+            'tachometer_pulses', 0.0, 'pulses per turn of a wheel; 0: ideal', minimum=0.0,
+            read_only=True,
+        ),
+        Parameter('radar_rate', 20.0, 'rate of radar', 'Hz', 1.0, 100.0, read_only=True),
+        Parameter(
+            'radar_noise', 0.05, 'standard deviation of a reading', 'm/s', 0.0, read_only=True
+        ),
+        Parameter('radar_bias', 0.0, 'relative error of scale', '', -0.5, 0.5, read_only=True),
+        Parameter(
+            'radar_least_speed', 0.2, 'speed below which the radar is blind', 'm/s', 0.0,
+            read_only=True,
+        ),
+        Parameter('radar_latency', 0.0, 'delay of a reading', 's', 0.0, 1.0, read_only=True),
+        Parameter('seed', 0, 'seed of all noise', minimum=0, read_only=True),
+    )  # fmt: skip
+
+    def check_parameters(self, p):
+        """Refuse definitions that cannot be loaded and lists that do not fit."""
+        if 0.0 < p.real_time_factor < 0.2:
+            raise ValueError(
+                f'real_time_factor {p.real_time_factor} is too slow: the torque gate takes '
+                'commands this far apart for a failure; give 0 or at least 0.2'
+            )
+        self._build(p)
+
+    def _build(self, p):
+        vehicle = load_vehicle(p.vehicle)
+        if p.terrain:
+            terrain = load_terrain(p.terrain)
+        else:
+            soils = [load_soil(name) for name in p.soils]
+            if len(p.soil_starts) != len(soils):
+                raise ValueError(
+                    f'{len(soils)} soils need as many soil_starts, got {len(p.soil_starts)}'
+                )
+            terrain = Terrain(soils, p.soil_starts[1:], p.grade)
+        return Plant(
+            vehicle,
+            terrain,
+            form=Form[p.form.upper()],
+            sinkage=p.sinkage,
+            drawbar=Drawbar(p.drawbar_pull, p.drawbar_pull_per_speed, p.drawbar_ramp),
+            multipass=p.multipass,
+            torque_time_constant=p.torque_time_constant,
+            max_power=p.max_power or math.inf,
+        )
+
+    def start(self):
+        """Build the plant and begin to simulate."""
+        p = self.p
+        self._plant = self._build(p)
+        names = self._plant.vehicle.wheel_names
+        self._torques = JointOrder(names, 'wheel_torque effort')
+        self._tachometer = Tachometer(len(names), p.tachometer_pulses)
+        self._radar = Radar(
+            RadarModel(p.radar_noise, p.radar_bias, p.radar_least_speed, p.radar_latency), p.seed
+        )
+        self._dt = 1.0 / p.rate
+        self._steps = 0
+        self._came_due = Counter()
+        self._torque = [0.0] * len(names)
+        self._torque_steady = -math.inf
+        self._answered = False
+        self._refused = ''
+
+        self._outputs = {}
+        self._messages = {}
+        for name in ('wheel_states', 'radar', 'ground_truth/slip_estimate',
+                     'ground_truth/terrain_estimate', 'ground_truth/odometry'):  # fmt: skip
+            self._outputs[name] = self.publisher(name)
+            self._messages[name] = message_class(topic(name).type)()
+        self._messages['wheel_states'].name = list(names)
+        self._messages['wheel_states'].header.frame_id = 'base_link'
+        radar = self._messages['radar']
+        radar.header.frame_id = 'radar'
+        radar.twist.covariance[0] = max(p.radar_noise, 1e-3) ** 2
+        truth = self._messages['ground_truth/slip_estimate']
+        truth.header.frame_id = 'base_link'
+        truth.wheel_names = list(names)
+        truth.slip_variance = [0.0] * len(names)
+        truth.ground_based_speed_valid = True
+        truth.source = SlipEstimate.SOURCE_SIMULATED
+        truth.slip_stiffness = [math.nan] * len(names)
+        truth.rolling_radius = [wheel.radius for wheel in self._plant.vehicle.wheels]
+        truth.rolling_radius_variance = [0.0] * len(names)
+        truth.time_to_immobilisation = math.nan
+        terrain = self._messages['ground_truth/terrain_estimate']
+        terrain.header.frame_id = 'base_link'
+        terrain.wheel_names = list(names)
+        terrain.max_shear_stress_variance = [0.0] * len(names)
+        terrain.shear_deformation_modulus_variance = [0.0] * len(names)
+        terrain.slip_stiffness = [math.nan] * len(names)
+        terrain.sinkage_variance = [0.0] * len(names)
+        odometry = self._messages['ground_truth/odometry']
+        odometry.header.frame_id = 'odom'
+        odometry.child_frame_id = 'base_link'
+
+        self._simulated_clock = p.real_time_factor != 1.0
+        if self._simulated_clock:
+            self._clock_message = Clock()
+            self._clock_publisher = self.create_publisher(Clock, '/clock', QoSProfile(depth=1))
+            self._epoch = 0.0
+        else:
+            self._epoch = self.get_clock().now().nanoseconds * 1e-9
+        self.subscription('wheel_torque', self._on_torque)
+        self._began = time.monotonic()
+        self._publish()
+        period = self._dt / p.real_time_factor if p.real_time_factor else 1e-3
+        self.steady_timer(period, self._tick)
+        self.set_diagnostic(diagnostic.OK, 'simulating', vehicle=p.vehicle, soil=p.soils[0])
+
+    def _on_torque(self, message):
+        try:
+            self._torque = self._torques.values(message.name, message.effort)
+        except ValueError as error:
+            self._refused = str(error)
+            self.set_diagnostic(diagnostic.WARN, self._refused)
+            return
+        if self._refused:
+            self._refused = ''
+            self.set_diagnostic(diagnostic.OK, 'simulating')
+        self._torque_steady = time.monotonic()
+        if self.p.real_time_factor == 0.0 and not self._answered:
+            self._answered = seconds(message.header.stamp) >= self._stamp - 1e-6
+            if self._answered:
+                self._step()
+
+    def _tick(self):
+        if self.p.real_time_factor:
+            due = (time.monotonic() - self._began) * self.p.real_time_factor
+            # A late tick makes up for what it missed, a very late one only for some of it.
+            for _ in range(10):
+                if self._plant.t + self._dt > due:
+                    break
+                self._step()
+            return
+        waited = time.monotonic() - self._stepped
+        if self.count_publishers('wheel_torque'):
+            # The step itself is made by the answer; without one, nothing drives any more.
+            if waited > self.p.torque_timeout:
+                self._step()
+        elif self._steps or waited > self.p.wait_for_torque:
+            # Nobody to wait for; back to the executor now and then.
+            until = time.monotonic() + 0.005
+            while time.monotonic() < until:
+                self._step()
+
+    def _step(self):
+        if self.finished.done():
+            return
+        silent = time.monotonic() - self._torque_steady > self.p.torque_timeout
+        torque = [0.0] * len(self._torque) if silent else self._torque
+        self._plant.step(torque, self._dt)
+        self._steps += 1
+        self._publish()
+        if self.p.duration and self._plant.t >= self.p.duration - 1e-9:
+            self.finish()
+
+    def _send(self, name, message):
+        to_stamp(message.header.stamp, self._stamp)
+        self._outputs[name].publish(message)
+
+    def _publish(self):
+        plant, p = self._plant, self.p
+        self._stamp = self._epoch + plant.t
+        if self._simulated_clock:
+            to_stamp(self._clock_message.clock, self._stamp)
+            self._clock_publisher.publish(self._clock_message)
+
+        slip = self._messages['ground_truth/slip_estimate']
+        slip.slip = plant.slip
+        slip.valid = plant.slip_valid
+        slip.wheel_based_speed = plant.rim_speed.tolist()
+        slip.ground_based_speed = plant.v
+        slip.thrust = plant.thrust.tolist()
+        self._send('ground_truth/slip_estimate', slip)
+        if self._due('ground_truth/terrain_estimate', 10.0):
+            terrain = self._messages['ground_truth/terrain_estimate']
+            terrain.max_shear_stress = plant.max_shear_stress
+            terrain.shear_deformation_modulus = plant.shear_deformation_modulus
+            terrain.thrust = plant.thrust.tolist()
+            terrain.sinkage = plant.sinkage.tolist()
+            terrain.valid = plant.slip_valid
+            terrain.motion_resistance = plant.motion_resistance
+            self._send('ground_truth/terrain_estimate', terrain)
+        if self._due('ground_truth/odometry', 50.0):
+            odometry = self._messages['ground_truth/odometry']
+            odometry.pose.pose.position.x = plant.x
+            odometry.twist.twist.linear.x = plant.v
+            self._send('ground_truth/odometry', odometry)
+        if self._due('radar', p.radar_rate):
+            self._radar.measure(plant.t, plant.v)
+        for t, speed in self._radar.deliver(plant.t):
+            radar = self._messages['radar']
+            radar.twist.twist.linear.x = speed
+            to_stamp(radar.header.stamp, self._epoch + t)
+            self._outputs['radar'].publish(radar)
+        # Last, as it is what the others answer to.
+        wheels = self._messages['wheel_states']
+        wheels.velocity = self._tachometer.read(plant.omega, self._dt).tolist()
+        wheels.effort = plant.shaft_torque.tolist()
+        self._answered = False
+        self._stepped = time.monotonic()
+        self._send('wheel_states', wheels)
+
+    def _due(self, name, rate):
+        """Whether a topic with a rate of its own is due at this step, at most once a step.
+
+        Its k-th time is k/rate of simulated time, so that the mean rate is exact even where
+        its period is no multiple of the step.
+        """
+        due = self._steps * rate >= (self._came_due[name] - 1e-6) * self.p.rate
+        self._came_due[name] += due
+        return due
+
+
+def main():
+    """Run the node."""
+    return run(PlantNode)

@@ -1,0 +1,364 @@
+"""Many runs at once: vehicles, soils and torques side by side, on all cores or on a GPU.
+
+Every run is what `traction_model.simulation.simulate.simulate` makes of it, by the same kernels.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+import numba
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from traction_model.contact.contact import Form
+from traction_model.kernel import OPTIONS, lean_kernel
+from traction_model.simulation.simulate import (
+    DISTANCE,
+    FIRST_WHEEL,
+    SPEED,
+    Drawbar,
+    Model,
+    initial_state,
+    integrate,
+    pack,
+)
+from traction_model.slip import slips
+from traction_model.soil.rut import Ruts, fresh_ruts
+from traction_model.soil.soil import Soil
+from traction_model.soil.terrain import Terrain
+from traction_model.vehicle.vehicle import Vehicle
+from traction_model.vehicle.wheel import STATIC_LOAD, TRACK
+
+Array = NDArray[np.float64]
+
+
+class Runs(NamedTuple):
+    """All runs, packed for the kernels; b runs, n wheels, k soils, m samples kept.
+
+    Attributes
+    ----------
+    form, mode : int
+        As in `Model`.
+    wheels : ndarray, shape (b, n, 7)
+        SI units, as in `Model`; so are the next.
+    spread : ndarray, shape (b, n, 2)
+        Dimensionless and 1/m.
+    soils : ndarray, shape (b, n, k, 17)
+        SI units.
+    starts, grades : ndarray, shape (b, k)
+        m, rad.
+    numbers : ndarray, shape (b, 9)
+        The floats of `Model` from `mass` on, SI units.
+    depth, shear, rut_width : ndarray, shape (b, tracks, cells)
+        As in `Ruts`, m.
+    newest : ndarray, shape (b, tracks)
+        Number of the foremost cell, as in `Ruts`.
+    y : ndarray, shape (b, 2 + 3n)
+        States, SI units, as in `traction_model.simulation.simulate.derivative`.
+    forces : ndarray, shape (b, n, 7)
+        Forces, SI units, as there.
+    work : ndarray, shape (b, 3, 2 + 3n)
+        Room to work in, SI units.
+    torque : ndarray, shape (b or 1, samples, n)
+        N*m; one for all, or one a run.
+    given : ndarray, shape (2, 3, n)
+        Stands for given sinkage, m, which batches do not take.
+    """
+
+    form: int
+    mode: int
+    wheels: Array
+    spread: Array
+    soils: Array
+    starts: Array
+    grades: Array
+    numbers: Array
+    depth: Array
+    shear: Array
+    rut_width: Array
+    newest: NDArray[np.int64]
+    y: Array
+    forces: Array
+    work: Array
+    torque: Array
+    given: Array
+
+
+@lean_kernel
+def run_one(b, dt, every, runs, states, logged):
+    """Integrate one run of many.
+
+    Parameters
+    ----------
+    b : int
+        Which.
+    dt : float
+        Time between samples of torque, s.
+    every : int
+        Of how many samples one is kept.
+    runs : Runs
+        All of them, SI units; states, ruts and forces are changed in place.
+    states : ndarray, shape (b, m, 2 + 3n)
+        Out: states at the samples kept, SI units.
+    logged : ndarray, shape (b, m, n, 7)
+        Out: forces at the samples kept, SI units.
+    """
+    numbers = runs.numbers[b]
+    model = Model(
+        runs.form, runs.mode, runs.wheels[b], runs.spread[b], runs.soils[b], runs.starts[b],
+        runs.grades[b], numbers[0], numbers[1], numbers[2], numbers[3], numbers[4], numbers[5],
+        numbers[6], numbers[7], numbers[8],
+    )  # fmt: skip
+    ruts = Ruts(runs.depth[b], runs.shear[b], runs.rut_width[b], runs.newest[b])
+    torque = runs.torque[b if runs.torque.shape[0] > 1 else 0]
+    integrate(
+        0.0, dt, runs.y[b], torque, runs.given, model, ruts, runs.forces[b], runs.work[b], every,
+        states[b], logged[b], runs.wheels.shape[1], runs.form, runs.mode,
+    )  # fmt: skip
+
+
+@numba.njit(parallel=True, **OPTIONS)
+def _run_all(dt, every, runs, states, logged):
+    for b in numba.prange(runs.y.shape[0]):
+        run_one(np.int64(b), dt, every, runs, states, logged)
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Simulated motions; b runs, m samples kept, n wheels.
+
+    Attributes
+    ----------
+    t : ndarray, shape (m,)
+        Time, s.
+    v : ndarray, shape (b, m)
+        Speed, m/s, forward positive.
+    x : ndarray, shape (b, m)
+        Distance along the path, m.
+    omega : ndarray, shape (b, m, n)
+        Wheel speeds, rad/s, forward positive.
+    slip : ndarray, shape (b, m, n)
+        Slip, -1 to 1; see `traction_model.slip.slip`.
+    sinkage : ndarray, shape (b, m, n)
+        m, downward positive.
+    load : ndarray, shape (b, m, n)
+        Load on the wheel after load transfer, N.
+    thrust : ndarray, shape (b, m, n)
+        F, N, forward positive.
+    resistance : ndarray, shape (b, m, n)
+        R, N, positive against forward motion.
+    moment : ndarray, shape (b, m, n)
+        M, N*m, the soil's resistance to the wheel's rotation.
+    """
+
+    t: Array
+    v: Array
+    x: Array
+    omega: Array
+    slip: Array
+    sinkage: Array
+    load: Array
+    thrust: Array
+    resistance: Array
+    moment: Array
+
+
+def simulate_batch(
+    vehicles: Vehicle | Sequence[Vehicle],
+    terrains: Terrain | Soil | Sequence[Terrain | Soil],
+    torque: ArrayLike,
+    dt: float,
+    *,
+    form: Form = Form.CONTACT,
+    sinkage: Literal['dynamic', 'equilibrium'] = 'dynamic',
+    drawbars: Drawbar | Sequence[Drawbar] = Drawbar(),
+    multipass: bool = True,
+    v0: ArrayLike = 0.0,
+    every: int = 1,
+    device: Literal['cpu', 'gpu'] = 'cpu',
+) -> Batch:
+    """Simulate many runs at once, each as `simulate` would.
+
+    What is given once counts for every run.
+
+    Parameters
+    ----------
+    vehicles : Vehicle or sequence of Vehicle
+        What drives; all with equally many wheels.
+    terrains : Terrain, Soil, or sequence of them
+        What they drive on.
+    torque : array_like, shape (k, n) or (b, k, n)
+        Torque on every wheel at every sample, N*m; linear in between.
+    dt : float
+        Time between samples and longest step of integration, s, above 0 and at most 0.02.
+    form : Form
+        Form of the contact model, the same in all runs.
+    sinkage : {'dynamic', 'equilibrium'}
+        Sinkage as a state, or from vertical equilibrium.
+    drawbars : Drawbar or sequence of Drawbar
+        Drafts, N.
+    multipass : bool
+        Whether wheels meet the ruts of those before them, or fresh soil.
+    v0 : float or array_like, shape (b,)
+        Speed at the start, m/s; wheels roll without slip.
+    every : int
+        Of how many samples one is kept, at least 1.
+    device : {'cpu', 'gpu'}
+        Where: on all cores, or on a CUDA GPU, which takes the package numba-cuda.
+
+    Returns
+    -------
+    Batch
+        The motions, SI units, one row a run.
+
+    Raises
+    ------
+    ValueError
+        If an argument has the wrong shape or is out of range; the text names it and the run.
+    traction_model.simulation.gpu.NoGpuError
+        If a GPU is asked for and there is none; the text says what is missing.
+    """
+    runs = _packed(vehicles, terrains, torque, dt, form, sinkage, drawbars, multipass, v0)
+    if isinstance(every, bool) or not isinstance(every, int) or every < 1:
+        raise ValueError(f'every must be an integer of at least 1, got {every!r}')
+    samples = runs.torque.shape[1]
+    kept = (samples - 1) // every + 1
+    count, size = runs.y.shape
+    n = runs.wheels.shape[1]
+    states = np.empty((count, kept, size))
+    forces = np.empty((count, kept, n, 7))
+    if device == 'cpu':
+        _run_all(dt, every, runs, states, forces)
+    elif device == 'gpu':
+        # Here, as numba-cuda is not needed otherwise.
+        from traction_model.simulation.gpu import run_all
+
+        run_all(dt, every, runs, states, forces)
+    else:
+        raise ValueError(f"device must be 'cpu' or 'gpu', got {device!r}")
+    omega = states[:, :, FIRST_WHEEL : FIRST_WHEEL + n]
+    rims = omega * runs.wheels[:, None, :, 0]
+    speed = states[:, :, SPEED]
+    return Batch(
+        t=dt * every * np.arange(float(kept)),
+        v=speed,
+        x=states[:, :, DISTANCE],
+        omega=omega,
+        slip=slips(speed.reshape(-1), rims.reshape(-1, n)).reshape(rims.shape),
+        sinkage=forces[:, :, :, 4],
+        load=forces[:, :, :, 0],
+        thrust=forces[:, :, :, 1],
+        resistance=forces[:, :, :, 2],
+        moment=forces[:, :, :, 3],
+    )
+
+
+def _packed(
+    vehicles: Vehicle | Sequence[Vehicle],
+    terrains: Terrain | Soil | Sequence[Terrain | Soil],
+    torque: ArrayLike,
+    dt: float,
+    form: Form,
+    sinkage: str,
+    drawbars: Drawbar | Sequence[Drawbar],
+    multipass: bool,
+    v0: ArrayLike,
+) -> Runs:
+    """Check what is to run, and pack it."""
+    if sinkage not in ('dynamic', 'equilibrium'):
+        raise ValueError(f"sinkage must be 'dynamic' or 'equilibrium', got {sinkage!r}")
+    if not 0 < dt <= 0.02:
+        raise ValueError(f'dt must be above 0 and at most 0.02 s, got {dt}')
+    torques = np.ascontiguousarray(torque, dtype=float)
+    if torques.ndim == 2:
+        torques = torques[None]
+    if torques.ndim != 3:
+        raise ValueError(
+            f'torque must have shape (samples, wheels) or (runs, samples, wheels), got '
+            f'{torques.shape}'
+        )
+    speeds = np.atleast_1d(np.asarray(v0, dtype=float))
+    given: dict[str, Any] = {
+        'vehicles': [vehicles] if isinstance(vehicles, Vehicle) else list(vehicles),
+        'terrains': [terrains] if isinstance(terrains, Terrain | Soil) else list(terrains),
+        'drawbars': [drawbars] if isinstance(drawbars, Drawbar) else list(drawbars),
+        'v0': speeds,
+        'torque': torques,
+    }
+    count = max(len(things) for things in given.values())
+    for name, things in given.items():
+        if not len(things):
+            raise ValueError(f'{name} is empty')
+        if len(things) not in (1, count):
+            raise ValueError(f'{name} has {len(things)} entries, but there are {count} runs')
+    n = len(given['vehicles'][0].wheels)
+    for b, vehicle in enumerate(given['vehicles']):
+        if len(vehicle.wheels) != n:
+            raise ValueError(
+                f'vehicles of a batch have equally many wheels: run 0 has {n}, run {b} has '
+                f'{len(vehicle.wheels)}'
+            )
+    if torques.shape[2] != n or torques.shape[1] < 2:
+        raise ValueError(
+            f'torque must have shape (samples, {n}) or (runs, samples, {n}), got '
+            f'{np.shape(torque)}'
+        )
+    if not np.all(np.isfinite(torques)):
+        b, row, column = np.argwhere(~np.isfinite(torques))[0]
+        raise ValueError(f'torque of run {b}, wheel {column} is not finite at sample {row}')
+    if speeds.ndim != 1 or not np.all(np.isfinite(speeds)):
+        raise ValueError(f'v0 must be finite, one number or one a run, got {v0!r}')
+
+    models, states, ruts = [], [], []
+    for b in range(count):
+        vehicle, terrain, drawbar = (
+            _of_run(given[name], b) for name in ('vehicles', 'terrains', 'drawbars')
+        )
+        models.append(pack(vehicle, terrain, form, sinkage, drawbar, multipass))
+        state = initial_state(vehicle, terrain, form)
+        state[SPEED] = _of_run(speeds, b)
+        state[FIRST_WHEEL : FIRST_WHEEL + n] = [state[SPEED] / w.radius for w in vehicle.wheels]
+        states.append(state)
+        ruts.append(float(np.ptp(vehicle.wheel_positions)))
+    wheels = np.array([model.wheels for model in models])
+    forces = np.zeros((count, n, 7))
+    forces[:, :, 0] = wheels[:, :, STATIC_LOAD]
+    forces[:, :, 4] = np.array(states)[:, FIRST_WHEEL + n : FIRST_WHEEL + 2 * n]
+    # Only the contact form knows ruts.
+    tracks = int(wheels[:, :, TRACK].max()) + 1 if form == Form.CONTACT else 0
+    fresh = fresh_ruts(tracks, max(ruts))
+    soils = max(len(model.starts) for model in models)
+    return Runs(
+        form=int(form),
+        mode=models[0].mode,
+        wheels=wheels,
+        spread=np.array([model.spread for model in models]),
+        soils=np.array([_lengthened(model.soils, soils, 1) for model in models]),
+        starts=np.array([_lengthened(model.starts, soils, 0, math.inf) for model in models]),
+        grades=np.array([_lengthened(model.grades, soils, 0) for model in models]),
+        numbers=np.array([model[Model._fields.index('mass') :] for model in models], dtype=float),
+        depth=np.tile(fresh.depth, (count, 1, 1)),
+        shear=np.tile(fresh.shear, (count, 1, 1)),
+        rut_width=np.tile(fresh.width, (count, 1, 1)),
+        newest=np.tile(fresh.newest, (count, 1)),
+        y=np.array(states),
+        forces=forces,
+        work=np.empty((count, 3, FIRST_WHEEL + 3 * n)),
+        torque=torques,
+        given=np.zeros((2, 3, n)),
+    )
+
+
+def _of_run(things: Any, b: int) -> Any:
+    return things[b if len(things) > 1 else 0]
+
+
+def _lengthened(values: Array, size: int, axis: int, fill: float | None = None) -> Array:
+    """Repeat the last entry along an axis, or a number, up to a length."""
+    missing = size - values.shape[axis]
+    last = np.take(values, [-1], axis=axis)
+    if fill is not None:
+        last = np.full_like(last, fill)
+    return np.concatenate([values, np.repeat(last, missing, axis=axis)], axis=axis)

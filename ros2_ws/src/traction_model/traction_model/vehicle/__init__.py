@@ -1,0 +1,1 @@
+"""Wheels, vehicles, and how their wheels are coupled."""

@@ -1,0 +1,147 @@
+"""Runs the system as processes, for those without `ros2 launch`."""
+
+import contextlib
+import os
+import random
+from collections.abc import Callable, Sequence
+
+from traction_node import diagnostic
+from traction_node.node_spec import NodeSpec
+from traction_node.probe import NodeProcess, Probe, executable
+
+START_TIMEOUT = 60.0
+"""Longest time for all nodes to be ready, s: a cold disk and one slow core."""
+
+
+class NodeEndedError(RuntimeError):
+    """A node of the system ended by itself; the text says which and what it printed."""
+
+
+def keep_local() -> None:
+    """Give this process and its children a ROS domain of their own on this machine only.
+
+    Not that of the environment: a tractor may be listening there.
+    """
+    taken = os.environ.get('ROS_DOMAIN_ID', '0')
+    # Domains 1..101 are those whose ports Linux gives to no other programme.
+    free = [str(domain) for domain in range(1, 102) if str(domain) != taken]
+    os.environ['ROS_DOMAIN_ID'] = random.SystemRandom().choice(free)
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+
+
+class RunningSystem:
+    """The system's nodes as processes; as a context manager, they end with the block.
+
+    The last node starts once all others are ready, so that nothing of the drive is missed.
+
+    Parameters
+    ----------
+    nodes : sequence of NodeSpec
+        The nodes, in the order in which to start them.
+
+    Attributes
+    ----------
+    probe : traction_node.probe.Probe
+        Watches the graph.
+    processes : dict of str to NodeProcess
+        The nodes by name.
+    """
+
+    def __init__(self, nodes: Sequence[NodeSpec]) -> None:
+        self._nodes = list(nodes)
+        self._stack = contextlib.ExitStack()
+        self.processes: dict[str, NodeProcess] = {}
+
+    def __enter__(self) -> 'RunningSystem':
+        with contextlib.ExitStack() as stack:
+            self.probe = stack.enter_context(Probe())
+            self.probe.diagnostics('')
+            *others, last = self._nodes
+            for node in others:
+                self._start(stack, node)
+            for node in others:
+                self._await_ready(node)
+            self._start(stack, last)
+            self._await_ready(last)
+            self._stack = stack.pop_all()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+    def _start(self, stack: contextlib.ExitStack, node: NodeSpec) -> None:
+        self.processes[node.name] = stack.enter_context(
+            NodeProcess(
+                executable(node.package, node.executable),
+                params=dict(node.parameters),
+                params_files=node.parameter_files,
+                remaps=dict(node.remappings),
+                quiet=True,
+            )
+        )
+
+    def _await_ready(self, node: NodeSpec) -> None:
+        def ready() -> bool:
+            # A short drive may be over before anyone has heard of it.
+            self.check(may_end=[node.name])
+            if not self.processes[node.name].running:
+                return True
+            newest = self.probe.diagnostics(node.name)[-1:]
+            if not node.lifecycle:
+                return any(status.level == bytes([diagnostic.OK]) for status in newest)
+            return any(
+                value.key == 'state' and value.value == 'active'
+                for status in newest
+                for value in status.values
+            )
+
+        self.probe.wait_for(ready, START_TIMEOUT, f'sign of life of {node.name}')
+
+    def check(self, may_end: Sequence[str] = ()) -> None:
+        """Make sure that all nodes are running.
+
+        Parameters
+        ----------
+        may_end : sequence of str
+            Names of nodes that may have ended, with exit status 0.
+
+        Raises
+        ------
+        NodeEndedError
+            Naming the node that is not, with the last that it printed.
+        """
+        for name, process in self.processes.items():
+            if process.running:
+                continue
+            status = process.wait()
+            if name in may_end and status == 0:
+                continue
+            said = '\n'.join(process.output.splitlines()[-10:])
+            raise NodeEndedError(f'{name} ended with exit status {status}:\n{said}')
+
+    def run_until_end_of(self, name: str, timeout: float, tick: Callable[[], None]) -> None:
+        """Run until a node ends by itself.
+
+        Parameters
+        ----------
+        name : str
+            Name of the node.
+        timeout : float
+            Longest time, s.
+        tick : callable
+            Called now and then, e.g. to show progress.
+
+        Raises
+        ------
+        NodeEndedError
+            If another node ends, or this one with an exit status other than 0.
+        TimeoutError
+            If it goes on for longer.
+        """
+
+        def ended() -> bool:
+            self.check(may_end=[name])
+            tick()
+            return not self.processes[name].running
+
+        self.probe.wait_for(ended, timeout, f'end of {name}')

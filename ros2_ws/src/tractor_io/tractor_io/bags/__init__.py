@@ -1,0 +1,1 @@
+"""Bags: reading, writing, import, repair, player and recorder."""

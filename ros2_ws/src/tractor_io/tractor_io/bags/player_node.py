@@ -1,0 +1,219 @@
+"""Bag player node: publishes a bag's messages at the times they were recorded."""
+
+import threading
+import time
+
+from rclpy.duration import Duration
+from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+
+from traction_node.diagnostic import OK, WARN
+from traction_node.node import TractionNode
+from traction_node.parameter import Parameter
+from traction_node.run import run
+from traction_node.topics import message_class, topics
+from tractor_io.bags.bag import BagError, BagReader
+
+ALL = 'all'
+
+COMMANDS = (
+    *(f'/{name}' for name, topic in topics().items() if topic.qos == 'command'),
+    '/emergency_stop',
+)
+"""Topics that would drive or release a vehicle when replayed, in whatever namespace."""
+
+ABSOLUTE = ('/clock', '/diagnostics')
+"""Topics that have no namespace."""
+
+DEPTH = 1000
+"""Messages kept per topic for subscribers that lag, so that fast replay loses none."""
+
+CLOCK_STEP = 10_000_000
+"""Bag time between two messages on /clock, ns."""
+
+ACKNOWLEDGE_TIME = 2.0
+"""Longest wait at the end for subscribers to get the last messages, s."""
+
+LAG = 0.1
+"""Being later than this is reported, s."""
+
+
+class BagPlayerNode(TractionNode):
+    """Plays a bag, and ends with it."""
+
+    NAME = 'bag_player'
+    PARAMETERS = (
+        Parameter('bag', '', 'bag folder, or .mcap or .db3 file', read_only=True),
+        Parameter(
+            'rate',
+            1.0,
+            'bag time per real time',
+            minimum=0.01,
+            maximum=1000.0,
+            read_only=True,
+        ),
+        Parameter('loop', False, 'start again at the end', read_only=True),
+        Parameter(
+            'start_offset',
+            0.0,
+            'skip the beginning of the bag',
+            unit='s',
+            minimum=0.0,
+            read_only=True,
+        ),
+        Parameter('clock', False, 'publish bag time on /clock', read_only=True),
+        Parameter(
+            'topics',
+            [ALL],
+            f"topics to play; '{ALL}' leaves out those that carry torques, which have to be named",
+            read_only=True,
+        ),
+        Parameter(
+            'wait_for_subscribers',
+            2.0,
+            'longest wait for every topic to have a subscriber',
+            unit='s',
+            minimum=0.0,
+            read_only=True,
+        ),
+    )
+
+    def check_parameters(self, p):
+        """Refuse to go on without a bag."""
+        if not p.bag:
+            raise ValueError('parameter "bag" must name a bag')
+
+    def start(self):
+        """Open the bag, make its topics, and begin to play."""
+        self._bag = BagReader(self.p.bag)
+        if self.p.start_offset > self._bag.duration:
+            raise ValueError(
+                f'start_offset {self.p.start_offset} s is beyond the end of {self.p.bag}, '
+                f'which is {self._bag.duration:.3f} s long'
+            )
+        if self.p.loop and self.p.start_offset == self._bag.duration:
+            raise ValueError(f'{self.p.bag}: nothing to loop from {self.p.start_offset} s on')
+        self._stopping = threading.Event()
+        self._matched = threading.Event()
+        self._played = 0
+        self._position = self.p.start_offset
+        self._lag = 0.0
+        names = self._bag.find(name for name in self.p.topics if name != ALL)
+        left_out = set()
+        if ALL in self.p.topics:
+            left_out = {name for name in self._bag.topics if name.endswith(COMMANDS)} - names
+            names = set(self._bag.topics) - left_out
+        if self.p.clock:
+            names.discard('/clock')  # two sources of time would contradict each other
+        said = f'not played unless named in "topics": {", ".join(sorted(left_out))}'
+        if not names:
+            raise ValueError(f'{self.p.bag}: nothing to play' + (f'; {said}' if left_out else ''))
+        if left_out:
+            self.get_logger().info(said)
+        self._outputs = {name: self._make_publisher(name) for name in sorted(names)}
+        self._clock_publisher = None
+        if self.p.clock:
+            self._clock_publisher = self.create_publisher(Clock, '/clock', 10)
+        self._check_matched()
+        self.steady_timer(1.0, self._tell)
+        self._thread = threading.Thread(target=self._play, name='player')
+        self._thread.start()
+
+    def stop(self):
+        """End playing and close the bag."""
+        self._stopping.set()
+        self._matched.set()
+        self._thread.join()
+        self._bag.close()
+
+    def _make_publisher(self, name):
+        topic = self._bag.topics[name]
+        try:
+            kind = message_class(topic.type)
+        except (ImportError, AttributeError):
+            raise ValueError(
+                f'{self.p.bag}: {name} has type {topic.type}, which is not installed; '
+                'choose others with the parameter "topics"'
+            ) from None
+        # Reliable suits every subscriber, whatever the topic was recorded with, and is what
+        # keeps a fast replay whole.
+        qos = QoSProfile(depth=max(DEPTH, topic.qos.depth), reliability=ReliabilityPolicy.RELIABLE)
+        if topic.qos.latched:
+            qos.durability = DurabilityPolicy.TRANSIENT_LOCAL
+            qos.depth = topic.qos.depth
+        return self.create_publisher(
+            kind,
+            name if name in ABSOLUTE else name.lstrip('/'),
+            qos,
+            event_callbacks=PublisherEventCallbacks(matched=self._check_matched),
+        )
+
+    def _check_matched(self, _=None):
+        if all(p.get_subscription_count() for p in self._outputs.values()):
+            self._matched.set()
+
+    def _play(self):
+        reason = ''
+        try:
+            if not self._matched.wait(self.p.wait_for_subscribers):
+                deaf = [n for n, p in self._outputs.items() if not p.get_subscription_count()]
+                self.get_logger().info(f'playing without subscriber to {", ".join(deaf)}')
+            while self._play_once() and self.p.loop:
+                pass
+            if not self._stopping.is_set():
+                for publisher in self._outputs.values():
+                    publisher.wait_for_all_acked(Duration(seconds=ACKNOWLEDGE_TIME))
+        except BagError as error:
+            reason = str(error)
+        self.finish(reason)
+        self.executor.wake()
+
+    def _play_once(self):
+        """Play the bag from start to end; False when told to stop."""
+        first = self._bag.start + round(self.p.start_offset * 1e9)
+        # Every message is due relative to this one reading of the clock, so nothing drifts.
+        origin = time.monotonic()
+        per_bag_time = 1e-9 / self.p.rate
+        tick = first
+        for message in self._bag.messages(list(self._outputs), self.p.start_offset, raw=True):
+            while self._clock_publisher and tick <= message.time:
+                if not self._wait_until(origin + (tick - first) * per_bag_time):
+                    return False
+                sec, nanosec = divmod(tick, 10**9)
+                clock = Clock()
+                clock.clock.sec, clock.clock.nanosec = sec, nanosec
+                self._clock_publisher.publish(clock)
+                tick += CLOCK_STEP
+            if not self._wait_until(origin + (message.time - first) * per_bag_time):
+                return False
+            self._outputs[message.topic].publish(message.message)
+            self._played += 1
+            self._position = (message.time - self._bag.start) * 1e-9
+        # Topics that end early do not begin anew early.
+        return self._wait_until(origin + (self._bag.end - first) * per_bag_time)
+
+    def _wait_until(self, due):
+        """Wait for a time of the steady clock; False when told to stop."""
+        delay = due - time.monotonic()
+        self._lag = max(0.0, -delay)
+        if delay > 0.0:
+            return not self._stopping.wait(delay)
+        return not self._stopping.is_set()
+
+    def _tell(self):
+        late = self._lag > LAG
+        self.set_diagnostic(
+            WARN if late else OK,
+            f'this machine is too slow for rate {self.p.rate:g}' if late else 'playing',
+            bag=self.p.bag,
+            position_s=round(self._position, 3),
+            duration_s=round(self._bag.duration, 3),
+            lag_s=round(self._lag, 3),
+            messages=self._played,
+        )
+
+
+def main():
+    """Entry point of the executable `bag_player`."""
+    return run(BagPlayerNode)

@@ -1,0 +1,278 @@
+"""Bag recorder node: writes the suite's topics into an MCAP bag."""
+
+import yaml
+from rcl_interfaces.msg import ParameterEvent
+from rcl_interfaces.srv import GetParameters, ListParameters
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.parameter import parameter_value_to_python
+from rclpy.qos import (
+    DurabilityPolicy,
+    QoSPolicyKind,
+    QoSProfile,
+    ReliabilityPolicy,
+    qos_profile_parameter_events,
+)
+
+from traction_node.diagnostic import OK, WARN
+from traction_node.node import TractionNode
+from traction_node.parameter import Parameter
+from traction_node.run import run
+from traction_node.topics import message_class, topic, topics
+from tractor_io.bags.bag import QOS, BagError, BagWriter, Qos
+from tractor_io.bags.versions import versions
+
+ALL = 'all'
+
+DEPTH = 1000
+"""Messages kept per topic while the disk is slow."""
+
+FLUSH_PERIOD = 0.2
+"""Time after which messages are out of this process's hands, s."""
+
+ASK_PERIOD = 1.0
+"""Time between two looks for nodes whose parameters are not in the bag yet, s."""
+
+ASK_EVERY = 5
+"""Looks from one request to the next, as a node that starts may be busy for seconds."""
+
+MOST_LOOKS = 60
+"""Looks after which a node that does not tell its parameters is left alone."""
+
+MOST_CHANGES = 100
+"""Changes of a node's parameters that are kept, the newest ones."""
+
+
+class BagRecorderNode(TractionNode):
+    """Records until it is told to end."""
+
+    NAME = 'bag_recorder'
+    PARAMETERS = (
+        Parameter('output', '', 'folder of the bag to write; must not exist', read_only=True),
+        Parameter(
+            'topics',
+            [ALL],
+            f"topics to record, or '{ALL}' those of the suite",
+            read_only=True,
+        ),
+    )
+
+    def check_parameters(self, p):
+        """Refuse to go on without an output or with topics that the suite does not have."""
+        if not p.output:
+            raise ValueError('parameter "output" must name a folder')
+        for name in p.topics:
+            if name != ALL and _table_name(name) not in topics():
+                raise ValueError(
+                    f'parameter "topics": the suite has no topic {name}; '
+                    f'it has {", ".join(topics())}'
+                )
+
+    def start(self):
+        """Make the bag and subscribe."""
+        about = {'source': 'recorded by bag_recorder', **versions()}
+        self._writer = BagWriter(self.p.output, about)
+        # By node: looks so far and at which to ask; and clients of those that have not answered.
+        self._looks = {}
+        self._ask_at = {}
+        self._asking = {}
+        # By node: what was changed while recording; and what is new to be said about the bag.
+        self._changes = {}
+        self._to_say = {}
+        self._qos = {}
+        self._subscriptions_by_name = {}
+        names = topics() if ALL in self.p.topics else map(_table_name, self.p.topics)
+        for name in dict.fromkeys(names):
+            # Reliable as long as all publishers are: see _relax.
+            self._qos[name] = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.RELIABLE)
+            if topic(name).qos == 'latched':
+                self._qos[name].durability = DurabilityPolicy.TRANSIENT_LOCAL
+            self._subscribe(name)
+        self.create_subscription(
+            ParameterEvent, '/parameter_events', self._note_changes, qos_profile_parameter_events
+        )
+        self.steady_timer(1.0, self._tell)
+        self.steady_timer(FLUSH_PERIOD, self._flush)
+        self.steady_timer(ASK_PERIOD, self._ask_parameters)
+        self._tell()
+
+    def stop(self):
+        """Finish the bag."""
+        if self._writer is None:
+            return
+        try:
+            self._say()
+            self._writer.close()
+        except BagError as error:
+            raise SystemExit(f'{self.NAME}: {error}') from error
+        self.get_logger().info(
+            f'{self.p.output}: {sum(self._writer.counts.values())} messages recorded'
+        )
+
+    def _subscribe(self, name):
+        row = topic(name)
+
+        def take(data):
+            self._write(name, subscription.topic_name, data)
+
+        subscription = self.create_subscription(
+            message_class(row.type),
+            name,
+            take,
+            self._qos[name],
+            raw=True,
+            event_callbacks=SubscriptionEventCallbacks(
+                incompatible_qos=lambda info: self._relax(name, info)
+            ),
+        )
+        self._subscriptions_by_name[name] = subscription
+
+    def _relax(self, name, info):
+        """Ask for less after a publisher was found that offers less than is asked for."""
+        qos = self._qos[name]
+        if info.last_policy_kind == QoSPolicyKind.RELIABILITY:
+            qos.reliability = ReliabilityPolicy.BEST_EFFORT
+        elif info.last_policy_kind == QoSPolicyKind.DURABILITY:
+            qos.durability = DurabilityPolicy.VOLATILE
+        else:
+            self.get_logger().warning(f'{name}: a publisher with other deadlines is not recorded')
+            return
+        self.destroy_subscription(self._subscriptions_by_name[name])
+        self._subscribe(name)
+
+    def _write(self, name, full_name, data):
+        writer = self._writer
+        if writer is None:
+            return
+        try:
+            if full_name not in writer.counts:
+                writer.add_topic(full_name, topic(name).type, self._recorded_qos(name))
+            writer.write(full_name, self.get_clock().now().nanoseconds, data)
+        except BagError as error:
+            self._give_up(error)
+
+    # Parameters of the others: asked for in passing, so that recording never waits for them.
+
+    def _ask_parameters(self):
+        if self._writer is None:
+            return
+        try:
+            self._say()
+        except BagError as error:
+            self._give_up(error)
+            return
+        for name, namespace in self.get_node_names_and_namespaces():
+            node = f'{namespace.rstrip("/")}/{name}'
+            # Hidden nodes are those of tools.
+            if self._is_ours(node) and not name.startswith('_') and node not in self._looks:
+                self._looks[node] = self._ask_at[node] = 0
+                self._asking[node] = (
+                    self.create_client(ListParameters, f'{node}/list_parameters'),
+                    self.create_client(GetParameters, f'{node}/get_parameters'),
+                )
+        for node, (listing, getting) in list(self._asking.items()):
+            self._looks[node] += 1
+            if self._looks[node] > MOST_LOOKS:
+                self._done_asking(node)
+            elif self._looks[node] < self._ask_at[node]:
+                continue
+            elif listing.service_is_ready() and getting.service_is_ready():
+                self._ask_at[node] = self._looks[node] + ASK_EVERY
+                listing.call_async(ListParameters.Request()).add_done_callback(
+                    lambda future, node=node: self._take_names(node, future)
+                )
+
+    def _take_names(self, node, future):
+        if node not in self._asking or future.result() is None:
+            return
+        names = sorted(future.result().result.names)
+        self._asking[node][1].call_async(GetParameters.Request(names=names)).add_done_callback(
+            lambda answer: self._take_parameters(node, names, answer)
+        )
+
+    def _take_parameters(self, node, names, future):
+        # Who has a parameter without a value tells none at all.
+        if (
+            node not in self._asking
+            or future.result() is None
+            or len(future.result().values) != len(names)
+        ):
+            return
+        found = map(parameter_value_to_python, future.result().values)
+        values = {name: _plain(value) for name, value in zip(names, found, strict=True)}
+        # Its clients go with the next look: this is called by one of them.
+        self._looks[node] = MOST_LOOKS
+        self._to_say[f'parameters {node}'] = _yaml(values)
+
+    def _note_changes(self, event):
+        if not (event.changed_parameters and self._is_ours(event.node)):
+            return
+        time = event.stamp.sec + round(1e-9 * event.stamp.nanosec, 3)
+        changes = self._changes.setdefault(event.node, [])
+        for parameter in event.changed_parameters:
+            value = _plain(parameter_value_to_python(parameter.value))
+            changes.append({'time': time, parameter.name: value})
+        del changes[:-MOST_CHANGES]
+        self._to_say[f'changed {event.node}'] = _yaml(changes)
+
+    def _say(self):
+        """Write what is new about the bag; seldom, as all of it is repeated."""
+        if self._to_say:
+            self._writer.say(self._to_say)
+            self._to_say = {}
+
+    def _is_ours(self, node):
+        return node.startswith(self.get_namespace().rstrip('/') + '/')
+
+    def _done_asking(self, node):
+        for client in self._asking.pop(node):
+            self.destroy_client(client)
+
+    def _flush(self):
+        if self._writer is None:
+            return
+        try:
+            self._writer.flush()
+        except BagError as error:
+            self._give_up(error)
+
+    def _give_up(self, error):
+        self._writer.abort()
+        self._writer = None
+        self.finish(f'{error}; the bag ends without index: traction bag repair {self.p.output}')
+
+    def _recorded_qos(self, name):
+        qos = self._qos[name]
+        return Qos(
+            reliable=qos.reliability == ReliabilityPolicy.RELIABLE,
+            latched=qos.durability == DurabilityPolicy.TRANSIENT_LOCAL,
+            depth=QOS[topic(name).qos].depth,
+        )
+
+    def _tell(self):
+        if self._writer is not None:
+            counts = self._writer.counts
+            self.set_diagnostic(
+                OK if counts else WARN,
+                f'{"recording" if counts else "nothing yet to record"} to {self.p.output}',
+                messages=sum(counts.values()),
+                **counts,
+            )
+
+
+def _plain(value):
+    """Value of a parameter as YAML knows it."""
+    return value if value is None or isinstance(value, bool | int | float | str) else list(value)
+
+
+def _yaml(content):
+    return yaml.safe_dump(content, allow_unicode=True, default_flow_style=None, sort_keys=False)
+
+
+def _table_name(name):
+    """Name of a topic in the suite's table, whether or not given with a leading slash."""
+    return name if name in topics() else name.lstrip('/')
+
+
+def main():
+    """Entry point of the executable `bag_recorder`."""
+    return run(BagRecorderNode)

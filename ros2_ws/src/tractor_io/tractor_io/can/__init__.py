@@ -1,0 +1,1 @@
+"""A tractor's CAN bus: J1939, the bridge, a simulated tractor's control units."""

@@ -1,0 +1,230 @@
+"""Claim of an address on the bus (SAE J1939-81, ISO 11783-5).
+
+Whoever sends on the bus has an address, and a NAME of 64 bits that no one else has. It claims the
+address it would like, and may use it when no one has objected for 250 ms. Of two with the same
+address the lower NAME keeps it; the other takes the next free one, if it may, or falls silent.
+"""
+
+import math
+import random
+from enum import Enum
+
+from tractor_io.can.j1939 import GLOBAL, NULL, Identifier
+
+CLAIMED_PGN = 0xEE00
+"""Parameter group of a claim, or, from the null address, of having none."""
+
+REQUEST_PGN = 0xEA00
+"""Parameter group that asks for another one."""
+
+WAIT = 0.25
+"""Time without objection after which an address is one's own, s."""
+
+LONGEST_DELAY = 0.153
+"""Most of the random delay before telling that there is none, s."""
+
+ARBITRARY = range(128, 248)
+"""Addresses that may be taken by who can use any."""
+
+_PRIORITY = 6
+_ARBITRARY_BIT = 1 << 63
+
+Frame = tuple[Identifier, bytes]
+
+
+def name_of(
+    *,
+    identity: int,
+    manufacturer: int,
+    function: int,
+    industry_group: int = 2,
+    device_class: int = 0,
+    device_class_instance: int = 0,
+    function_instance: int = 0,
+    ecu_instance: int = 0,
+    arbitrary: bool = True,
+) -> int:
+    """Put a NAME together.
+
+    Parameters
+    ----------
+    identity : int
+        Number of the device with its manufacturer, 21 bits.
+    manufacturer : int
+        Code of the manufacturer, 11 bits.
+    function : int
+        What the device does, 8 bits.
+    industry_group : int
+        3 bits; 2 is agriculture and forestry.
+    device_class, device_class_instance : int
+        7 and 4 bits.
+    function_instance, ecu_instance : int
+        5 and 3 bits.
+    arbitrary : bool
+        Whether it can use any address of `ARBITRARY`.
+
+    Returns
+    -------
+    int
+        64 bits.
+
+    Raises
+    ------
+    ValueError
+        Naming the part that does not fit into its bits.
+    """
+    whole = _ARBITRARY_BIT if arbitrary else 0
+    for text, value, start, length in (
+        ('identity', identity, 0, 21),
+        ('manufacturer', manufacturer, 21, 11),
+        ('ecu_instance', ecu_instance, 32, 3),
+        ('function_instance', function_instance, 35, 5),
+        ('function', function, 40, 8),
+        ('device_class', device_class, 49, 7),
+        ('device_class_instance', device_class_instance, 56, 4),
+        ('industry_group', industry_group, 60, 3),
+    ):
+        if not 0 <= value < 1 << length:
+            raise ValueError(f'{text} must be 0 to {(1 << length) - 1}, got {value}')
+        whole |= value << start
+    return whole
+
+
+class Claim(Enum):
+    """How far a claim is."""
+
+    NONE = 'not claimed yet'
+    WAITING = 'claimed'
+    OWN = 'own'
+    LOST = 'lost'
+
+
+class AddressClaim:
+    """Claims an address, and keeps it.
+
+    Parameters
+    ----------
+    name : int
+        NAME, 64 bits.
+    preferred : int
+        Address to claim first, 0 to 253.
+    seed : int
+        Of the random delays; whatever tells this device from others.
+
+    Attributes
+    ----------
+    state : Claim
+        How far it is.
+    address : int
+        Address that is claimed or one's own, `NULL` without.
+
+    Raises
+    ------
+    ValueError
+        If the preferred address is none.
+    """
+
+    def __init__(self, name: int, preferred: int, seed: int = 0) -> None:
+        if not 0 <= preferred < NULL:
+            raise ValueError(f'address must be 0 to {NULL - 1}, got {preferred}')
+        self.name = name
+        self.state = Claim.NONE
+        self.address = NULL
+        self._preferred = preferred
+        self._random = random.Random(seed)
+        # Addresses of others, and when what waits is due, s.
+        self._taken: set[int] = set()
+        self._due = 0.0
+
+    @property
+    def usable(self) -> bool:
+        """Whether frames may be sent from `address`."""
+        return self.state is Claim.OWN
+
+    def start(self, t: float) -> list[Frame]:
+        """Claim the preferred address.
+
+        Parameters
+        ----------
+        t : float
+            Time, s.
+
+        Returns
+        -------
+        list of (Identifier, bytes)
+            Frames to send.
+        """
+        self._taken.clear()
+        return self._claim(t, self._preferred)
+
+    def poll(self, t: float) -> list[Frame]:
+        """Do what has become due.
+
+        Parameters
+        ----------
+        t : float
+            Time, s.
+
+        Returns
+        -------
+        list of (Identifier, bytes)
+            Frames to send.
+        """
+        if self.state is Claim.WAITING and t >= self._due:
+            self.state = Claim.OWN
+        elif self.state is Claim.LOST and t >= self._due:
+            self._due = math.inf
+            return [self._told(NULL)]
+        return []
+
+    def receive(self, t: float, identifier: Identifier, data: bytes) -> list[Frame]:
+        """Take in a frame of the bus.
+
+        Parameters
+        ----------
+        t : float
+            Time, s.
+        identifier : Identifier
+            Its identifier.
+        data : bytes
+            Its bytes; those that are no claim or request are not for us.
+
+        Returns
+        -------
+        list of (Identifier, bytes)
+            Frames to send.
+        """
+        if identifier.pgn == REQUEST_PGN:
+            asked = identifier.destination in (GLOBAL, self.address)
+            claims = len(data) >= 3 and int.from_bytes(data[:3], 'little') == CLAIMED_PGN
+            if not (asked and claims) or self.state is Claim.NONE:
+                return []
+            if self.state is Claim.LOST:
+                self._due = t + self._random.uniform(0.0, LONGEST_DELAY)
+                return []
+            return [self._told(self.address)]
+        if identifier.pgn != CLAIMED_PGN or len(data) != 8 or identifier.source == NULL:
+            return []
+        other = int.from_bytes(data, 'little')
+        if other == self.name:
+            return []
+        if identifier.source != self.address:
+            self._taken.add(identifier.source)
+            return []
+        if self.name < other:
+            return [self._told(self.address)]
+        self._taken.add(self.address)
+        free = [each for each in ARBITRARY if each not in self._taken]
+        if self.name & _ARBITRARY_BIT and free:
+            return self._claim(t, free[0])
+        self.state, self.address = Claim.LOST, NULL
+        self._due = t + self._random.uniform(0.0, LONGEST_DELAY)
+        return []
+
+    def _claim(self, t: float, address: int) -> list[Frame]:
+        self.state, self.address, self._due = Claim.WAITING, address, t + WAIT
+        return [self._told(address)]
+
+    def _told(self, source: int) -> Frame:
+        """A claim, or from the null address that there is none."""
+        return Identifier(CLAIMED_PGN, source, GLOBAL, _PRIORITY), self.name.to_bytes(8, 'little')

@@ -1,0 +1,118 @@
+"""Tractor ECU node: a simulated tractor behind a CAN bus, instead of a real one."""
+
+import math
+import time
+
+import can
+
+from traction_node.diagnostic import ERROR, OK, WARN
+from traction_node.joints import JointError, JointOrder
+from traction_node.node import TractionNode
+from traction_node.parameter import Parameter
+from traction_node.run import run
+from traction_node.stamp import seconds
+from tractor_io.can.bridge_node import DRIVETRAIN_PARAMETERS, make_drivetrain
+from tractor_io.can.ecu import TractorEcu
+from tractor_io.can.interface import DEFAULT_PORT, INTERFACES, frame, open_bus
+from tractor_io.can.parameter_group import tractor_groups
+
+MOST_FRAMES = 200
+"""Frames taken in between two readings of the wheels: more is a flood."""
+
+
+class TractorEcuNode(TractionNode):
+    """Sends what a plant's wheels do as frames, and gives it the torque that the bus leaves it.
+
+    Between plant and this node `wheel_states`, `radar` and `wheel_torque` are to be remapped, as
+    `traction demo --can` does; `torque_request` is the driver's pedal.
+    """
+
+    NAME = 'tractor_ecu'
+    PARAMETERS = (
+        Parameter(
+            'interface', 'udp_multicast', f'kind of bus: {", ".join(INTERFACES)}', read_only=True
+        ),
+        Parameter('channel', '', 'name of the bus; empty for the usual one', read_only=True),
+        Parameter(
+            'port', DEFAULT_PORT, 'port of a bus over UDP', '', 1, 65535, read_only=True,
+        ),
+        *DRIVETRAIN_PARAMETERS,
+    )  # fmt: skip
+
+    def check_parameters(self, p):
+        """Refuse what does not fit together."""
+        make_drivetrain(p)
+
+    def parameters_changed(self, p, names):
+        """Follow the engagement of the front axle."""
+        self._ecu.front_engaged = p.front_engaged
+
+    def start(self):
+        """Open the bus, and follow plant and driver."""
+        self._ecu = TractorEcu(
+            tractor_groups(), self.p.wheel_radii, make_drivetrain(self.p), self.p.front_engaged
+        )
+        self._can = open_bus(self.p.interface, self.p.channel, self.p.port)
+        names = self.p.wheel_names
+        self._speeds = JointOrder(names, 'wheel_states velocity')
+        self._efforts = JointOrder(names, 'wheel_states effort')
+        self._requests = JointOrder(names, 'torque_request effort', one_for_all=True)
+        self._publisher = self.publisher('wheel_torque')
+        self._output = self._publisher.msg_type(name=list(names))
+        self.subscription('radar', self._on_radar)
+        self.subscription('torque_request', self._on_request)
+        self.subscription('wheel_states', self._on_wheel_states)
+        self.set_diagnostic(OK, 'waiting for the tractor')
+
+    def stop(self):
+        """Let go of the bus."""
+        self._can.shutdown()
+
+    def _on_radar(self, message):
+        v = message.twist.twist.linear.x
+        if math.isfinite(v):
+            self._ecu.ground_speed(v)
+
+    def _on_request(self, message):
+        try:
+            self._ecu.ask(self._requests.values(message.name, message.effort))
+        except JointError as error:
+            self.set_diagnostic(WARN, str(error))
+
+    def _on_wheel_states(self, message):
+        try:
+            speeds = self._speeds.values(message.name, message.velocity)
+            efforts = self._efforts.values(message.name, message.effort)
+        except JointError as error:
+            self.set_diagnostic(WARN, str(error))
+            return
+        now = time.monotonic()
+        try:
+            for _ in range(MOST_FRAMES):
+                heard = self._can.recv(0.0)
+                if heard is None:
+                    break
+                if heard.is_extended_id and not (heard.is_error_frame or heard.is_remote_frame):
+                    self._ecu.take(now, heard.arbitration_id, bytes(heard.data))
+            for identifier, data in self._ecu.frames(
+                seconds(message.header.stamp), speeds, efforts
+            ):
+                self._can.send(frame(identifier, data))
+        except (can.CanError, OSError) as error:
+            self.set_diagnostic(ERROR, f'the bus fails: {error}')
+            return
+        limit = self._ecu.limit(now)
+        self._output.header.stamp = message.header.stamp
+        self._output.effort = self._ecu.wheel_torques(now).tolist()
+        self._publisher.publish(self._output)
+        self.set_diagnostic(
+            OK,
+            'driving' if limit is None else 'limited from the bus',
+            limit='none' if limit is None else round(limit, 3),
+            rejected=self._ecu.rejected,
+        )
+
+
+def main():
+    """Entry point of the executable `tractor_ecu`."""
+    return run(TractorEcuNode)
