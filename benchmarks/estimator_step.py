@@ -22,10 +22,10 @@ LONGEST_STEP = 300e-6
 STEPS = 1_000_000
 """Steps that may not take more and more memory."""
 
-MOST_GROWTH = 2_000_000
+MAX_GROWTH = 2_000_000
 """Growth of the process over `STEPS`, bytes: below two a step."""
 
-METHODS = ['ekf', 'ukf', 'lpv']
+METHODS = ['ekf', 'ukf', 'scheduled_gain']
 
 
 def steps(method):
@@ -71,5 +71,5 @@ def test_memory(method):
         next(step)
     print(f'{method}: {sys.getallocatedblocks() - blocks} blocks, {resident() - before} bytes')
     assert sys.getallocatedblocks() - blocks < 1000
-    assert resident() - before < MOST_GROWTH
+    assert resident() - before < MAX_GROWTH
     assert np.isfinite(estimation.slip).all()

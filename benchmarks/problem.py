@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from traction_model import Drawbar, Soil, Vehicle, load_soil, load_vehicle
-from traction_model.slip import LEAST_SPEED
+from traction_model.slip import MIN_SPEED
 from tractor_io.bags.bag import BagReader
 
 Array = NDArray[np.float64]
@@ -85,7 +85,7 @@ def recorded(bag: str, drawbar: Drawbar, duration: float, *, rolling: bool) -> P
             else:
                 rims.append(message.wheel_based_speed)
                 starts.append((entry.time / 1e9, message.ground_based_speed))
-    moving = np.min(rims, axis=1) >= LEAST_SPEED
+    moving = np.min(rims, axis=1) >= MIN_SPEED
     first = int(np.argmax(moving)) if rolling else 0
     start, v0 = starts[first] if rolling else (times[0], 0.0)
     rim = rims[first] if rolling else np.zeros_like(rims[0])

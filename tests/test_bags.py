@@ -91,12 +91,12 @@ def test_bag_holds_its_run(name):
 
 @pytest.mark.parametrize('name', NAMES)
 def test_forces_balance(name):
-    """m*dv/dt = sum of thrust - drawbar pull, from message to message over the whole run."""
+    """m*dv/dt = gross traction - external resistance, message by message over the run."""
     with BagReader(BAGS / name) as bag:
         vehicle = load_vehicle(bag.custom_data['vehicle'])
         terrain = [m.message for m in bag.messages(['/ground_truth/terrain_estimate'])]
         truth = [m.message for m in bag.messages(['/ground_truth/slip_estimate'])]
-    force = np.array([m.thrust.sum() - m.motion_resistance for m in terrain[1:]])
+    force = np.array([m.gross_traction.sum() - m.external_resistance for m in terrain[1:]])
     impulse = np.cumsum(force) * 0.1
     gained = np.array([m.ground_based_speed for m in truth[10::10]]) * vehicle.mass
     error = abs(impulse - gained).max() / vehicle.mass

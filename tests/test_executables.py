@@ -11,7 +11,7 @@ BAG = Path(__file__).parents[1] / 'bags' / 'wheel_low_slip'
 
 NODES = [
     ('traction_model', 'plant_node', 'plant_node', {'seed': 3}),
-    ('traction_controller', 'slip_estimator', 'slip_estimator', {'least_speed': 0.4}),
+    ('traction_controller', 'slip_estimator', 'slip_estimator', {'min_speed': 0.4}),
     ('traction_controller', 'slip_controller', 'slip_controller', {'slip_target': 0.15}),
     ('torque_gate', 'torque_gate', 'torque_gate', {'timeout': 0.05}),
     ('tractor_io', 'can_bridge', 'can_bridge', {'address': 100}),

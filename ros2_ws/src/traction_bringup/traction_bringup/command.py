@@ -105,7 +105,7 @@ def replay(
     settle: Annotated[
         float, typer.Option(help='Do not judge before this time, s.', min=0.0)
     ] = 2.0,
-    least_speed: Annotated[
+    min_speed: Annotated[
         float, typer.Option(help='Do not judge below this rim speed, m/s.', min=0.05)
     ] = 0.3,
 ) -> None:
@@ -125,7 +125,7 @@ def replay(
             vehicle=vehicle,
             soil=soil,
             parameters=chosen_parameters(params_file, param or ()),
-            judge=Judge(settle, least_speed=least_speed),
+            judge=Judge(settle, min_speed=min_speed),
             progress=progress,
         )
 
@@ -147,10 +147,10 @@ def replay(
         console.print(table)
         say(
             f'slip RMSE {errors.total_slip_rmse:.4f}, ground speed RMSE {errors.speed_rmse:.3f} '
-            f'm/s, {errors.samples} samples after {settle:g} s above {least_speed:g} m/s'
+            f'm/s, {errors.samples} samples after {settle:g} s above {min_speed:g} m/s'
         )
     elif result.truths:
-        say(f'nothing to judge after {settle:g} s above {least_speed:g} m/s')
+        say(f'nothing to judge after {settle:g} s above {min_speed:g} m/s')
     say(
         f'{len(result.messages)} messages of {result.duration:.3f} s in {result.wall:.3f} s: '
         f'{result.duration / result.wall:.0f} times real time'

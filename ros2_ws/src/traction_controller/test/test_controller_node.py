@@ -46,7 +46,7 @@ class Tractor:
 
     def send_slip(
         self, slips, valid=True, rim=2.0, names=WHEELS, source=SlipEstimate.SOURCE_BLENDED,
-        deviation=0.01, speed=None, stiffness=(), thrust=(),
+        deviation=0.01, speed=None, stiffness=(), gross_traction=(),
     ):  # fmt: skip
         message = SlipEstimate(wheel_names=list(names), source=source)
         message.slip_variance = [deviation**2] * len(names)
@@ -56,7 +56,7 @@ class Tractor:
         message.valid = [valid] * len(message.slip) if isinstance(valid, bool) else valid
         message.wheel_based_speed = [rim] * len(message.slip)
         message.slip_stiffness = list(stiffness)
-        message.thrust = list(thrust)
+        message.gross_traction = list(gross_traction)
         self.estimates.publish(message)
 
     def step(self, slip, **estimate):
@@ -349,7 +349,7 @@ def test_thrust_of_every_slip_estimate_counts_at_once(tractor, field):
 
     def step(thrust):
         tractor.request([1.0] * 4)
-        return list(tractor.step(0.2, thrust=thrust)[0].effort)
+        return list(tractor.step(0.2, gross_traction=thrust)[0].effort)
 
     # At its target the law sends what balances the thrust, r*F with the tractor's radii, and
     # what is left of the torque taken over: after 2 s exp(-2/0.2) = 5e-5 of it.

@@ -129,7 +129,7 @@ def test_estimate_is_the_cores(drive):
         assert list(estimate.valid) == core.valid.tolist()
         assert estimate.ground_based_speed == pytest.approx(core.v, abs=1e-6)
         # With every estimate, not only with that of the terrain.
-        assert list(estimate.thrust) == pytest.approx(core.thrust.tolist())
+        assert list(estimate.gross_traction) == pytest.approx(core.gross_traction.tolist())
         assert list(estimate.slip_stiffness) == pytest.approx(core.slip_stiffness.tolist())
         assert list(estimate.rolling_radius) == [0.5]
     assert list(estimate.wheel_names) == ['wheel']
@@ -155,7 +155,7 @@ def test_terrain_and_odometry_come_at_their_rates(drive, field):
     assert terrain[-1].sinkage_variance[0] > 0.0
     assert list(terrain[-1].shear_deformation_modulus) == pytest.approx([0.01], rel=0.5)
     # At constant speed thrust is T/r.
-    assert list(terrain[-1].thrust) == pytest.approx([TORQUE / 0.5], rel=1e-3)
+    assert list(terrain[-1].gross_traction) == pytest.approx([TORQUE / 0.5], rel=1e-3)
     assert odometry[-1].child_frame_id == 'base_link'
     driven = odometry[-1].pose.pose.position.x - odometry[0].pose.pose.position.x
     # The estimated speed summed up, less what lies beyond the first and last odometry: 0.02 s.
@@ -451,5 +451,5 @@ def test_bad_parameter_ends_the_start_with_one_line(params, reason):
 
 
 def test_parameters_are_fixed_while_it_runs(field, node):
-    reason = field.set_parameter(NODE, 'least_speed', 0.5)
-    assert reason == 'parameter "least_speed" cannot change while the node runs'
+    reason = field.set_parameter(NODE, 'min_speed', 0.5)
+    assert reason == 'parameter "min_speed" cannot change while the node runs'

@@ -198,12 +198,12 @@ def test_reverse_is_told_by_the_wheels():
 
 
 def test_slow_and_standing_is_not_valid():
-    track = GnssTrack(least_speed=0.3)
+    track = GnssTrack(min_speed=0.3)
     drive(track, [0.2] * 50, [0.2] * 50, noise=0.005)
     assert not track.valid
     assert math.isinf(track.reading_variance)
     assert track.distance == 0.0
-    drive(fast := GnssTrack(least_speed=0.3), [0.5] * 50, [0.5] * 50, noise=0.005)
+    drive(fast := GnssTrack(min_speed=0.3), [0.5] * 50, [0.5] * 50, noise=0.005)
     assert fast.valid
 
 
@@ -285,7 +285,7 @@ def test_what_is_not_usable_is_named_and_not_taken_in(call, named):
         (lambda: GnssTrack(latency=-0.1), 'latency'),
         (lambda: GnssTrack(gate=0.0), 'gate'),
         (lambda: GnssTrack(settling=math.nan), 'settling'),
-        (lambda: GnssTrack(least_speed=0.0), 'least_speed'),
+        (lambda: GnssTrack(min_speed=0.0), 'min_speed'),
         (lambda: GnssNoise(manoeuvre=0.0), 'manoeuvre'),
     ],
 )

@@ -21,7 +21,7 @@ from traction_model.vehicle.vehicle import GRAVITY, load_vehicle
 
 TRACTOR = load_vehicle('tractor_4wd')
 LOAM, SOFT = load_soil('sandy_loam_chrono'), load_soil('soft_patch_chrono')
-STANDS = WarningLimits().least_speed
+STANDS = WarningLimits().min_speed
 
 
 def watch(vehicle):

@@ -8,31 +8,31 @@ from filterpy.kalman import KalmanFilter, MerweScaledSigmaPoints, UnscentedKalma
 
 from traction_controller.estimation.kalman import (
     Method,
-    forget,
-    line_through,
+    linearise,
     method_named,
     optimal_gain,
     propagate,
-    spread,
-    take_in,
+    reset_entry,
+    sigma_points,
+    update,
 )
 
 M = 5
 STEPS = 400
 
 
-def update(method, x, p, function, entries, steps, measured, variance):
+def measure(method, x, p, function, entries, steps, measured, variance):
     """One scalar measurement of some entries, as the slip filter takes it in."""
     k = len(entries)
     entries, steps = np.array(entries), np.array(steps)
     root, points, slope = np.zeros((k, k)), np.empty((1 + 2 * k, k)), np.empty(k)
-    count = spread(int(method), x, p, entries, steps, root, points)
+    count = sigma_points(int(method), x, p, entries, steps, root, points)
     values = np.array([function(point) for point in points[:count]])
-    expected, rest = line_through(int(method), values, steps, root, slope)
+    expected, rest = linearise(int(method), values, steps, root, slope)
     h, gain = np.zeros(len(x)), np.empty(len(x))
     h[entries] = slope
     optimal_gain(p, h, variance + rest, gain)
-    take_in(x, p, h, gain, measured - expected, variance + rest)
+    update(x, p, h, gain, measured - expected, variance + rest)
 
 
 def linear_case(seed):
@@ -69,7 +69,7 @@ def test_linear_case_as_the_kalman_filter_of_filterpy(method, seed):
         h = np.zeros((1, M))
         h[0, entries] = row
         other.update(np.array([[measured]]), R=np.array([[variance]]), H=h)
-        update(method, x, p, lambda z, r=row: float(r @ z), entries, [0.1] * len(entries),
+        measure(method, x, p, lambda z, r=row: float(r @ z), entries, [0.1] * len(entries),
                measured, variance)  # fmt: skip
         assert_same(x, p, other.x[:, 0], other.P)
 
@@ -93,7 +93,7 @@ def test_linear_case_as_the_unscented_filter_of_filterpy(seed):
         other.sigmas_f = points.sigma_points(other.x, other.P)
         measured = random.standard_normal()
         other.update(np.array([measured]), R=np.array([[0.5]]))
-        update(Method.UKF, x, p, lambda z: float(row @ z), entries, [0.1] * 3, measured, 0.5)
+        measure(Method.UKF, x, p, lambda z: float(row @ z), entries, [0.1] * 3, measured, 0.5)
         assert_same(x, p, other.x, other.P)
 
 
@@ -116,7 +116,7 @@ def test_curved_measurement_of_all_entries_as_the_unscented_filter_of_filterpy()
         other.sigmas_f = points.sigma_points(other.x, other.P)
         measured = random.standard_normal()
         other.update(np.array([measured]), R=np.array([[0.3]]))
-        update(Method.UKF, x, p, curved, [0, 1, 2], [0.1] * 3, measured, 0.3)
+        measure(Method.UKF, x, p, curved, [0, 1, 2], [0.1] * 3, measured, 0.3)
         assert_same(x, p, other.x, other.P)
 
 
@@ -128,7 +128,7 @@ def test_joseph_form_holds_for_any_gain():
     left = np.eye(M) - np.outer(gain, h)
     expected = left @ p @ left.T + 0.7 * np.outer(gain, gain)
     x = np.zeros(M)
-    take_in(x, p, h, gain, 2.0, 0.7)
+    update(x, p, h, gain, 2.0, 0.7)
     assert p == pytest.approx(expected, abs=1e-12)
     assert (p == p.T).all()
     assert x == pytest.approx(2.0 * gain)
@@ -138,14 +138,14 @@ def test_entry_known_exactly_has_no_part_in_a_measurement():
     # Of 2*a + 5*b with a exact, variance 1 for b and 3 of the measurement: gain 5/(25 + 3).
     for method in (Method.EKF, Method.UKF):
         x, p = np.array([1.0, 0.0]), np.diag([0.0, 1.0])
-        update(method, x, p, lambda z: 2 * z[0] + 5 * z[1], [0, 1], [0.1, 0.1], 30.0, 3.0)
+        measure(method, x, p, lambda z: 2 * z[0] + 5 * z[1], [0, 1], [0.1, 0.1], 30.0, 3.0)
         assert x == pytest.approx([1.0, 28.0 * 5 / 28])
         assert np.diag(p) == pytest.approx([0.0, 1 - 25 / 28])
 
 
 def test_forget_keeps_the_rest():
     p = np.arange(9.0).reshape(3, 3)
-    forget(p, 1, 7.0)
+    reset_entry(p, 1, 7.0)
     assert p.tolist() == [[0, 0, 2], [0, 7, 0], [6, 0, 8]]
 
 

@@ -42,7 +42,12 @@ def test_steps_by_hand():
     # r 0.85 m, no friction: the soil's moment is 0.85*1000 = 850 N*m; no acceleration.
     made, table = law(1000.0, 0.5, 0.2, 0.1)
     told = Reading(
-        slip=0.1, rim_speed=1.7, speed=1.53, stiffness=7e4, thrust=1000.0, shaft_torque=900.0
+        slip=0.1,
+        rim_speed=1.7,
+        speed=1.53,
+        stiffness=7e4,
+        gross_traction=1000.0,
+        shaft_torque=900.0,
     )
     # Wanted: 850 + 1000*0.1 - 0.5*50 - 0.2*(950 - 850) = 905; taken over from 950.
     assert made.torque(told, 0.2, 950.0, 1e-9) == pytest.approx(950.0, abs=1e-3)
@@ -82,7 +87,7 @@ def test_law_and_loop_are_the_same():
     for _ in range(100):
         told = Reading(
             slip=0.15 + x[ERROR], rim_speed=rim, speed=rim * (1 - slip), stiffness=stiffness,
-            thrust=5000.0 / REAR.radius, shaft_torque=5000.0 + x[TORQUE] * scale,
+            gross_traction=5000.0 / REAR.radius, shaft_torque=5000.0 + x[TORQUE] * scale,
         )  # fmt: skip
         made._sent = [5000.0 + c * scale for c in x[FIRST_COMMAND + 1 :]]
         sent = made.torque(told, 0.15, 5000.0 + x[FIRST_COMMAND] * scale, 0.01)

@@ -268,7 +268,7 @@ def test_target_refused(control, target):
     assert control.slip_target == 0.2
 
 
-@pytest.mark.parametrize('fault', ['hold_torque', 'least_speed'])
+@pytest.mark.parametrize('fault', ['hold_torque', 'min_speed'])
 def test_control_refuses(fault):
     with pytest.raises(ValueError, match=f'{fault} must be above 0, got nan'):
         SlipControl(RIG, 0.2, **{fault: math.nan})

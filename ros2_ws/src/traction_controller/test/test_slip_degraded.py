@@ -78,7 +78,7 @@ def test_least_target_without_radar():
     control.step(
         DT, [0.0] * 4, [True] * 4, [2.0] * 4, 2.0, LOADS, None, [1.0] * 4, speed_measured=False
     )  # fmt: skip
-    assert control.outcomes[0].slip_target == SlipControl.LEAST_TARGET
+    assert control.outcomes[0].slip_target == SlipControl.MIN_TARGET
 
 
 @pytest.mark.parametrize('differential', list(Differential))

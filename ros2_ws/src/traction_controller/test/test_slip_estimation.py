@@ -22,7 +22,7 @@ from traction_model.vehicle.vehicle import load_vehicle
 RADAR_SIGMA = 0.05  # m/s, as in bags/README.md
 
 
-METHODS = ['ekf', 'ukf', 'lpv']
+METHODS = ['ekf', 'ukf', 'scheduled_gain']
 
 
 def replay(chrono, name, silent=(math.inf, math.inf), method='ukf'):
@@ -195,7 +195,8 @@ def snapshot(estimation):
     return (
         estimation.t, estimation.v, estimation.v_variance, estimation.resistance,
         estimation.slip.tolist(), estimation.slip_variance.tolist(), estimation.valid.tolist(),
-        estimation.thrust.tolist(), estimation.max_shear_stress.tolist(), estimation.source,
+        estimation.gross_traction.tolist(), estimation.max_shear_stress.tolist(),
+        estimation.source,
     )  # fmt: skip
 
 
@@ -317,7 +318,7 @@ def test_latency_is_taken_off_the_stamp():
 
 def test_blind_radar_reads_nothing():
     estimation = SlipEstimation(
-        load_vehicle('single_wheel_rig'), load_soil('paper_sand'), radar_least_speed=0.5
+        load_vehicle('single_wheel_rig'), load_soil('paper_sand'), radar_min_speed=0.5
     )
     for k in range(100):
         estimation.wheel_states(0.01 * k, [2.0], [800.0])
@@ -389,7 +390,9 @@ def test_torque_that_only_spins_the_wheel_up_is_no_thrust(rate):
         estimation.wheel_states(k / rate, [3.0 * k / rate], [60.0])
     # Left over of the first reading, which knows no acceleration: 60/0.5 N, fading out with
     # the filter's 40 ms.
-    assert estimation.thrust[0] == pytest.approx(120.0 * math.exp(-39 / rate / 0.04), abs=1e-6)
+    assert estimation.gross_traction[0] == pytest.approx(
+        120.0 * math.exp(-39 / rate / 0.04), abs=1e-6
+    )
 
 
 def tractor_at(speed):
@@ -480,7 +483,7 @@ def test_noise_refuses(fault):
         EstimatorNoise(**{fault: -1.0})
 
 
-@pytest.mark.parametrize('fault', ['least_speed', 'radar_timeout'])
+@pytest.mark.parametrize('fault', ['min_speed', 'radar_timeout'])
 def test_estimation_refuses(fault):
     with pytest.raises(ValueError, match=f'{fault} must be above 0, got 0.0'):
         SlipEstimation(load_vehicle('single_wheel_rig'), load_soil('paper_sand'), **{fault: 0.0})
@@ -489,7 +492,7 @@ def test_estimation_refuses(fault):
 @pytest.mark.parametrize(
     ('fault', 'value'),
     [('tachometer_pulses', -1.0), ('radar_latency', 0.6), ('gnss_latency', math.nan),
-     ('radar_least_speed', -0.1)],
+     ('radar_min_speed', -0.1)],
 )  # fmt: skip
 def test_estimation_refuses_what_sensors_cannot_be(fault, value):
     with pytest.raises(ValueError, match=f'{fault} must be 0 to'):
@@ -500,12 +503,12 @@ def test_other_rolling_radius_moves_rim_slip_and_thrust():
     estimation = driving(2.0)
     other = copy.deepcopy(estimation)
     [omega] = estimation.rim_speed / 0.5
-    moment = 0.5 * estimation.thrust
+    moment = 0.5 * estimation.gross_traction
     other.set_rolling_radius([0.49])
     assert other.rolling_radius.tolist() == [0.49]
     assert other.rim_speed == pytest.approx([0.49 * omega])
     assert other.slip == pytest.approx([slip(other.v, 0.49 * omega)])
-    assert other.thrust == pytest.approx(moment / 0.49)
+    assert other.gross_traction == pytest.approx(moment / 0.49)
     # 2 % is more than what was learnt of the soil goes with.
     assert other.max_shear_stress_variance > estimation.max_shear_stress_variance
     # A copy's radius is its own, and stays over a reset.
@@ -545,5 +548,5 @@ def test_mobilisation_is_thrust_over_strength():
     stress = float(SlipEstimation(load_vehicle('single_wheel_rig'), soil).max_shear_stress[0])
     area = load * math.tan(soil.friction_angle) / (stress - soil.cohesion)
     strength = float(estimation.max_shear_stress[0]) * area
-    assert estimation.mobilisation == pytest.approx(float(estimation.thrust[0]) / strength)
+    assert estimation.mobilisation == pytest.approx(float(estimation.gross_traction[0]) / strength)
     assert 0.0 < estimation.mobilisation < 1.0

@@ -120,7 +120,7 @@ def test_true_stiffness_is_the_slope_of_the_thrust_curve():
         slope = (thrust(tractor.slip[j] + 1e-6) - thrust(tractor.slip[j] - 1e-6)) / 2e-6
         assert truth.slip_stiffness[j] == pytest.approx(slope, rel=1e-4)
     # On a wheel in steady motion the soil turns against the shaft with its torque.
-    assert truth.thrust[2] * 0.85 == pytest.approx(tractor.forces[2, 3])
+    assert truth.gross_traction[2] * 0.85 == pytest.approx(tractor.forces[2, 3])
 
 
 def test_work_and_energy_by_hand():

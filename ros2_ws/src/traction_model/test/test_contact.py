@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from traction_model.contact.contact import (
     EVERYWHERE,
     FREE,
-    LEAST_TRANSIT_SPEED,
+    MIN_TRANSIT_SPEED,
     UNTOUCHED,
     Form,
     contact,
@@ -232,7 +232,7 @@ GROUND = {
 }
 # Speeds where forms change over: at and about standstill, rolling, turning the other way.
 SPEEDS = st.one_of(
-    st.sampled_from([0.0, LEAST_TRANSIT_SPEED, -LEAST_TRANSIT_SPEED]),
+    st.sampled_from([0.0, MIN_TRANSIT_SPEED, -MIN_TRANSIT_SPEED]),
     st.floats(-0.1, 0.1),
     st.floats(-40.0, 40.0),
 )
@@ -285,7 +285,7 @@ def test_finite_everywhere(form, data, v, omega, z, z_rate):
 
 
 @pytest.mark.parametrize('form', FORMS)
-@pytest.mark.parametrize('v', [0.0, -0.0, 1e-300, LEAST_TRANSIT_SPEED, -1e-12])
+@pytest.mark.parametrize('v', [0.0, -0.0, 1e-300, MIN_TRANSIT_SPEED, -1e-12])
 @pytest.mark.parametrize('omega', [0.0, -0.0, 1e-300, 1e-12, 5.0, -5.0])
 def test_finite_at_and_around_standstill(form, v, omega):
     forces = contact(form, v, omega, 0.1, 0.0, SAND, RADIUS, WIDTH)

@@ -46,7 +46,7 @@ def probe():
 def running():
     """Probe of a tractor in real time; in a namespace, as the other tests have their own."""
     params = {
-        'radar_least_speed': 0.0,
+        'radar_min_speed': 0.0,
         'radar_rate': RATES['radar'],
         'radar_latency': LATENCY,
         'torque_time_constant': 0.0,
@@ -240,7 +240,7 @@ def test_same_seed_same_radar(probe):
             # 2 s of wall time: enough for subscriber and plant to find each other.
             real_time_factor=20.0,
             duration=40.0,
-            radar_least_speed=0.0,
+            radar_min_speed=0.0,
             radar_rate=10.0,
             seed=seed,
         ) as node:

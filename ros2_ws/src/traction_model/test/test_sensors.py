@@ -65,7 +65,7 @@ def test_radar_bias_is_an_error_of_scale():
 
 
 def test_radar_is_blind_when_slow():
-    radar = Radar(RadarModel(noise=0.0, least_speed=0.2), seed=1)
+    radar = Radar(RadarModel(noise=0.0, min_speed=0.2), seed=1)
     radar.measure(0.0, 0.19)
     assert radar.deliver(0.0) == []
     radar.measure(0.1, -0.2)
@@ -118,7 +118,7 @@ def test_radar_noise_does_not_depend_on_what_it_saw():
         ({'noise': -0.1}, 'radar noise must be at least 0, got -0.1'),
         ({'noise': math.nan}, 'radar noise must be at least 0, got nan'),
         ({'bias': -1.5}, 'radar bias must be at least -1, got -1.5'),
-        ({'least_speed': -1}, 'radar least_speed must be at least 0'),
+        ({'min_speed': -1}, 'radar min_speed must be at least 0'),
         ({'latency': math.inf}, 'radar latency must be at least 0, got inf'),
     ],
 )

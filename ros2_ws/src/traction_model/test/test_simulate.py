@@ -284,7 +284,8 @@ def test_drawbar_by_hand():
 
 def resistance_of(plant):
     """What holds a vehicle back besides the soil, N."""
-    return plant.motion_resistance - plant.forces[:, 2].sum()
+    soil = plant.gross_traction.sum() - (plant.forces[:, 1] - plant.forces[:, 2]).sum()
+    return plant.external_resistance - soil
 
 
 def test_grade_by_hand():

@@ -18,7 +18,7 @@ LONGEST_SCALAR = 3000
 DEEPEST = 32
 """Levels of lists and mappings in one another, more are refused."""
 
-MOST_VALUES = 1_000_000
+MAX_VALUES = 1_000_000
 """Values of a file once its aliases are written out."""
 
 LONGEST = 60
@@ -162,8 +162,8 @@ def _check_limits(path: Path, text: str, loader: Any) -> None:
             anchor, before = around.pop()
             if anchor:
                 sizes[anchor] = count - before
-        if count > MOST_VALUES:
-            raise DefinitionError(f'{where}: more than {MOST_VALUES} values')
+        if count > MAX_VALUES:
+            raise DefinitionError(f'{where}: more than {MAX_VALUES} values')
 
 
 def build(model: type[Model], content: Any, where: str) -> Model:

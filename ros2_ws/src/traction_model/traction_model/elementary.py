@@ -23,8 +23,8 @@ FRACTION_BITS = 52
 BIAS = 1023
 SQRT_HALF_BITS = int(np.float64(math.sqrt(0.5)).view(np.int64))
 
-LEAST_EXPONENT = -708.0
-LEAST_BASE = 1e-300
+MIN_EXPONENT = -708.0
+MIN_BASE = 1e-300
 
 
 @inlined
@@ -41,7 +41,7 @@ def exponential(x):
     float
         ``exp(x)``, dimensionless, within ``(3 + |x|)*1.2e-16`` of it, relative.
     """
-    x = max(x, LEAST_EXPONENT)
+    x = max(x, MIN_EXPONENT)
     doublings = math.floor(x / LN_2 + 0.5)
     rest = x - doublings * LN_2
     value = EXP_TERMS[12]
@@ -67,7 +67,7 @@ def power(base, exponent):
         ``base**exponent`` in the base's unit to that power, within
         ``(3 + 2*exponent*(1 + |ln(base)|))*1.2e-16`` of it, relative.
     """
-    bits = np.float64(max(base, LEAST_BASE)).view(np.int64)
+    bits = np.float64(max(base, MIN_BASE)).view(np.int64)
     doublings = (bits - SQRT_HALF_BITS) >> FRACTION_BITS
     mantissa = np.int64(bits - (doublings << FRACTION_BITS)).view(np.float64)
     t = (mantissa - 1.0) / (mantissa + 1.0)

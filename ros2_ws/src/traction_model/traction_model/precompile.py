@@ -19,7 +19,7 @@ def main() -> None:
         plant = Plant(vehicle, terrain, form=form)
         plant.step([100.0], 0.01)
     # What the node asks a plant.
-    _ = plant.slip, plant.slip_valid, plant.max_shear_stress, plant.motion_resistance
+    _ = plant.slip, plant.slip_valid, plant.max_shear_stress, plant.external_resistance
     tractive_figures(load_soil('paper_sand'), vehicle, [0.1])
     curve.net_traction_ratio([0.1])
     simulate(vehicle, terrain, [[0.0], [100.0], [100.0]], 0.01)

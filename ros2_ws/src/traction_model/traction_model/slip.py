@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from traction_model.kernel import inlined, kernel
 
-LEAST_SPEED = 0.3
+MIN_SPEED = 0.3
 """Speed below which slip is not valid, m/s, of the wheel rim or the vehicle."""
 
 
@@ -67,7 +67,7 @@ def slips(v, rim_speeds):
 
 
 @inlined
-def is_valid(v, rim_speed, least_speed):
+def is_valid(v, rim_speed, min_speed):
     """Tell whether slip means anything at these speeds.
 
     Parameters
@@ -76,7 +76,7 @@ def is_valid(v, rim_speed, least_speed):
         Speed over ground, m/s.
     rim_speed : float
         r*omega, m/s.
-    least_speed : float
+    min_speed : float
         Speed that one of them must reach, m/s, at least 0.
 
     Returns
@@ -84,7 +84,7 @@ def is_valid(v, rim_speed, least_speed):
     bool
         True when slip is defined well enough to act on.
     """
-    return max(abs(v), abs(rim_speed)) >= least_speed
+    return max(abs(v), abs(rim_speed)) >= min_speed
 
 
 def checked_slip(slip: ArrayLike) -> NDArray[np.float64]:

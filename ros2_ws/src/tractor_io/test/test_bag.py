@@ -44,7 +44,7 @@ def slip_estimate(time: int, slip: float):
         ground_based_speed_variance=0.0025,
         ground_based_speed_valid=True,
         source=4,
-        thrust=np.array([1e3, 2e3]),
+        gross_traction=np.array([1e3, 2e3]),
         slip_stiffness=np.array([1e4, 2e4]),
         rolling_radius=np.array([0.5, 0.6]),
         rolling_radius_variance=np.zeros(2),

@@ -23,7 +23,7 @@ from traction_controller.control.driveline import (
 )
 from traction_controller.control.exit_reason import OPERATOR_CONTROLLED, ExitReason, LimitStatus
 from traction_controller.control.laws.law import Reading, SlipLaw, make_law
-from traction_model.slip import LEAST_SPEED
+from traction_model.slip import MIN_SPEED
 from traction_model.slip import slip as slip_of
 from traction_model.vehicle.vehicle import Vehicle
 
@@ -145,7 +145,7 @@ class SlipControl:
     torque_rate : float or sequence of float
         Fastest change of torque of every wheel, or of each, N*m/s, above 0: what the gate lets
         through. A request that falls faster is followed at once.
-    least_speed : float
+    min_speed : float
         Speed below which slip is not acted on, m/s, above 0.
     grouping : Grouping
         Which wheels are controlled as one.
@@ -179,8 +179,8 @@ class SlipControl:
         Number of changes since the last reset, dimensionless.
     """
 
-    LEAST_TARGET = 0.01
-    MOST_TARGET = 0.9
+    MIN_TARGET = 0.01
+    MAX_TARGET = 0.9
     # Time in which a wheel that left control goes back to its request, and in which torques that
     # another grouping left go over to the new one's, s.
     _RELEASE_TIME = 0.5
@@ -202,7 +202,7 @@ class SlipControl:
         settings: Mapping[str, Mapping[str, Any]] | None = None,
         hold_torque: float | Sequence[float] = 10000.0,
         torque_rate: float | Sequence[float] = math.inf,
-        least_speed: float = LEAST_SPEED,
+        min_speed: float = MIN_SPEED,
         grouping: Grouping = Grouping.WHEEL,
         differential: Differential = Differential.OPEN,
         driven: str = 'all',
@@ -212,10 +212,10 @@ class SlipControl:
         self._names = vehicle.wheel_names
         self.hold_torque = self._each('hold_torque', hold_torque)
         self.torque_rate = self._each('torque_rate', torque_rate)
-        for name, value in (('least_speed', least_speed), ('lag', lag), ('dt', dt)):
+        for name, value in (('min_speed', min_speed), ('lag', lag), ('dt', dt)):
             if not (math.isfinite(value) and value > 0):
                 raise ValueError(f'{name} must be above 0, got {value}')
-        self.least_speed = least_speed
+        self.min_speed = min_speed
         self._lag, self._dt = lag, dt
         self._loads = [float(load) for load in vehicle.static_loads()]
         self._radii = [wheel.radius for wheel in vehicle.wheels]
@@ -300,9 +300,9 @@ class SlipControl:
         ValueError
             If it is not within 0.01 to 0.9.
         """
-        if not cls.LEAST_TARGET <= slip_target <= cls.MOST_TARGET:
+        if not cls.MIN_TARGET <= slip_target <= cls.MAX_TARGET:
             raise ValueError(
-                f'slip target must be {cls.LEAST_TARGET} to {cls.MOST_TARGET}, got {slip_target}'
+                f'slip target must be {cls.MIN_TARGET} to {cls.MAX_TARGET}, got {slip_target}'
             )
 
     def set_target(
@@ -430,7 +430,7 @@ class SlipControl:
         shaft_torques: Sequence[float] | None,
         requests: Sequence[float] | None,
         *,
-        thrusts: Sequence[float] | None = None,
+        gross_tractions: Sequence[float] | None = None,
         speed_measured: bool = True,
         deviations: Sequence[float] | None = None,
     ) -> list[WheelOutcome]:
@@ -455,7 +455,7 @@ class SlipControl:
             is missing: then what was sent counts, after the lag.
         requests : sequence of float or None
             Requested torque of every wheel, N*m, forward positive; None before the first.
-        thrusts : sequence of float or None
+        gross_tractions : sequence of float or None
             Thrust of every wheel, N, forward positive; None: that of steady motion under the
             shaft torque.
         speed_measured : bool
@@ -492,7 +492,7 @@ class SlipControl:
             sent = along * group.sent
             reason = self._read(
                 group, along, reference, shares, slips, valid, rim_speeds, speed, stiffnesses,
-                thrusts,
+                gross_tractions,
             )  # fmt: skip
             if requests is None:
                 reason = ExitReason.REMOTE_COMMAND_TIMEOUT
@@ -505,7 +505,7 @@ class SlipControl:
                 doubt = 0.5 * target
                 if deviations is not None:
                     doubt = min(doubt, max(deviations[j] for j in group.wheels))
-                target = max(target - doubt, self.LEAST_TARGET)
+                target = max(target - doubt, self.MIN_TARGET)
             gains: tuple[float, ...] = (0.0, 0.0, 0.0)
             wanted = 0.0
             if reason is ExitReason.ALL_CLEAR:
@@ -513,10 +513,10 @@ class SlipControl:
                 if group.reference != reference:
                     law.reset()
                 group.reference = reference
-                if law.winds_up:
+                if law.velocity_form:
                     sent = self._delivered(group, along, reference, shares, sent, dt)
                 wanted = law.torque(self._reading, target, sent, dt)
-                if law.winds_up and group.short >= self._SHORT_LAGS * self._lag:
+                if law.velocity_form and group.short >= self._SHORT_LAGS * self._lag:
                     # More would not be delivered either.
                     wanted = min(wanted, sent)
                 gains = law.gains
@@ -649,7 +649,7 @@ class SlipControl:
         rim_speeds: Sequence[float],
         speed: float,
         stiffnesses: Sequence[float],
-        thrusts: Sequence[float] | None,
+        gross_tractions: Sequence[float] | None,
     ) -> ExitReason:
         """Put together what the law of a group is told; the reason why that cannot be done.
 
@@ -673,7 +673,7 @@ class SlipControl:
             shaft += along * self._shaft[j] * radius / self._radii[j]
             shaft_weight += per_reference
             fastest = speed if abs(speed) > abs(rim) else rim
-            if abs(fastest) < self.least_speed:
+            if abs(fastest) < self.min_speed:
                 continue
             slow = False
             if not valid[j]:
@@ -681,7 +681,7 @@ class SlipControl:
                 continue
             found += 1
             own = along * self._shaft[j] - self._friction[j] * abs(rim)
-            own = own / self._radii[j] if thrusts is None else along * thrusts[j]
+            own = own / self._radii[j] if gross_tractions is None else along * gross_tractions[j]
             if common:
                 rims += rim
                 stiffness += stiffnesses[j]
@@ -706,7 +706,7 @@ class SlipControl:
         reading.rim_speed = rims
         reading.speed = speed
         reading.stiffness = stiffness / weight
-        reading.thrust = thrust / weight
+        reading.gross_traction = thrust / weight
         return ExitReason.ALL_CLEAR
 
     def _delivered(

@@ -24,14 +24,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from traction_controller.estimation.kalman import (
-    forget,
-    line_through,
+    linearise,
     optimal_gain,
-    spread,
-    take_in,
+    reset_entry,
+    sigma_points,
+    update,
 )
 from traction_controller.estimation.wheel_contact import quasi_static
-from traction_model.contact.contact import LEAST_TRANSIT_SPEED
+from traction_model.contact.contact import MIN_TRANSIT_SPEED
 from traction_model.kernel import kernel
 from traction_model.slip import is_valid
 from traction_model.soil.rut import press_rut
@@ -87,7 +87,7 @@ class Noise(NamedTuple):
         Random walk of the wheel speed between pulses, as a share of it, 1/sqrt(s).
     pulse : float
         Angle from pulse to pulse, rad; 0 for an ideal tachometer.
-    least_speed : float
+    min_speed : float
         Speed below which slip is not used, m/s.
     """
 
@@ -98,7 +98,7 @@ class Noise(NamedTuple):
     wheel_speed: float
     wheel_acceleration: float
     pulse: float
-    least_speed: float
+    min_speed: float
 
 
 class Body(NamedTuple):
@@ -156,9 +156,9 @@ STEADY_DRAWBAR, STEADY_TIME = 0.3, 1.5
 # Of counted pulses: wheel speed, rad/s, below which its random walk is no smaller; how far off the
 # middle of the pulse the angle may be expected, in half pulses; and by which share of the square
 # of (excess over a period) the variance of the speed grows.
-LEAST_WALKING, COUNT_SLACK, UNEXPECTED_SPEED = 1.0, 1.2, 0.05
+MIN_WALKING, COUNT_SLACK, UNEXPECTED_SPEED = 1.0, 1.2, 0.05
 # Least load on a wheel, as share of its static load, and most drawbar, as share of the weight.
-LEAST_LOAD, MOST_DRAWBAR = 0.2, 0.5
+MIN_LOAD, MAX_DRAWBAR = 0.2, 0.5
 
 
 @kernel
@@ -182,7 +182,7 @@ def doubt_soil(x, p, wheel, changed, keep):
     for a in range(PER_WHEEL):
         if not keep:
             x[first + a] = 0.0
-        forget(p, first + a, 0.0)
+        reset_entry(p, first + a, 0.0)
     for a in range(PER_WHEEL):
         for b in range(PER_WHEEL):
             p[first + a, first + b] = changed[a, b]
@@ -209,7 +209,7 @@ def count_pulses(wheel, reading, dt, noise):
     wheel[AHEAD] += (wheel[OMEGA] - reading) * dt
     wheel[ANGLE_VARIANCE] += dt * (2.0 * wheel[ANGLE_OMEGA] + dt * wheel[OMEGA_VARIANCE])
     wheel[ANGLE_OMEGA] += dt * wheel[OMEGA_VARIANCE]
-    walk = noise.wheel_acceleration * max(abs(wheel[OMEGA]), LEAST_WALKING)
+    walk = noise.wheel_acceleration * max(abs(wheel[OMEGA]), MIN_WALKING)
     wheel[OMEGA_VARIANCE] += walk**2 * dt
     innovation = noise.pulse / 2.0 - wheel[AHEAD]
     # Unlike other noise a count's is bounded: what is further off has changed its speed.
@@ -237,9 +237,9 @@ def begin(t, omega, torque, x, p, memory, scalars, body, noise):
     omega, torque : ndarray, shape (n,)
         Wheel speeds, rad/s, and shaft torques, N*m, forward positive.
     x, p : ndarray
-        State and covariance in SI units, see `take_in_wheels`.
+        State and covariance in SI units, see `update_wheels`.
     memory, scalars : ndarray
-        What is kept beside them, SI units, see `take_in_wheels`.
+        What is kept beside them, SI units, see `update_wheels`.
     body : Body
         SI units.
     noise : Noise
@@ -265,7 +265,7 @@ def begin(t, omega, torque, x, p, memory, scalars, body, noise):
     # Rolling, give or take half of it: the wheels may be slipping already.
     rim = float(np.median(rims))
     x[SPEED] = rim
-    forget(p, SPEED, 1.0 + (0.5 * rim) ** 2)
+    reset_entry(p, SPEED, 1.0 + (0.5 * rim) ** 2)
 
 
 @kernel
@@ -279,9 +279,9 @@ def advance(t, omega, torque, x, p, memory, scalars, ruts, body, noise):
     omega, torque : ndarray, shape (n,)
         Wheel speeds, rad/s, and shaft torques, N*m, forward positive.
     x, p : ndarray
-        State and covariance in SI units, see `take_in_wheels`.
+        State and covariance in SI units, see `update_wheels`.
     memory, scalars : ndarray
-        What is kept beside them, SI units, see `take_in_wheels`.
+        What is kept beside them, SI units, see `update_wheels`.
     ruts : Ruts
         What the wheels have left, extended.
     body : Body
@@ -299,7 +299,7 @@ def advance(t, omega, torque, x, p, memory, scalars, ruts, body, noise):
     slope[DRAWBAR] = -1.0
     rest = 0.0
     weight = mass * GRAVITY
-    drawbar = max(-MOST_DRAWBAR * weight, min(MOST_DRAWBAR * weight, x[DRAWBAR]))
+    drawbar = max(-MAX_DRAWBAR * weight, min(MAX_DRAWBAR * weight, x[DRAWBAR]))
     turn = body.cg_x * weight - body.hitch_height * drawbar
     for j in range(n):
         wheel, kept = body.wheels[j], memory[j]
@@ -366,7 +366,7 @@ def advance(t, omega, torque, x, p, memory, scalars, ruts, body, noise):
     for j in range(n):
         wheel, kept = body.wheels[j], memory[j]
         load = body.spread[j, 0] * weight + body.spread[j, 1] * turn
-        kept[LOAD] = max(LEAST_LOAD * wheel[STATIC_LOAD], load)
+        kept[LOAD] = max(MIN_LOAD * wheel[STATIC_LOAD], load)
         if kept[SINKAGE] > 0.0:
             x_from = place + wheel[POSITION]
             press_rut(
@@ -376,7 +376,7 @@ def advance(t, omega, torque, x, p, memory, scalars, ruts, body, noise):
 
 
 @kernel
-def take_in_moments(method, x, p, memory, scalars, ruts, body, noise):
+def update_moments(method, x, p, memory, scalars, ruts, body, noise):
     """Take in the moment of every wheel that slips measurably, in place.
 
     Parameters
@@ -384,9 +384,9 @@ def take_in_moments(method, x, p, memory, scalars, ruts, body, noise):
     method : int
         A `traction_controller.estimation.kalman.Method`.
     x, p : ndarray
-        State and covariance in SI units, see `take_in_wheels`.
+        State and covariance in SI units, see `update_wheels`.
     memory, scalars : ndarray
-        What is kept beside them, SI units, see `take_in_wheels`.
+        What is kept beside them, SI units, see `update_wheels`.
     ruts : Ruts
         What the wheels have left.
     body : Body
@@ -412,7 +412,7 @@ def take_in_moments(method, x, p, memory, scalars, ruts, body, noise):
         radius = wheel[RADIUS]
         omega = kept[OMEGA]
         v, rim = x[SPEED], radius * omega
-        if not is_valid(v, rim, noise.least_speed) or v * rim < 0.0:
+        if not is_valid(v, rim, noise.min_speed) or v * rim < 0.0:
             for column in range(RESISTANCE, SINKAGE_SLOPE + 1):
                 kept[column] = 0.0
             continue
@@ -426,13 +426,13 @@ def take_in_moments(method, x, p, memory, scalars, ruts, body, noise):
             entries[1 + a] = first + a
             steps[1 + a] = 0.1
         steps[PER_WHEEL] = -0.1
-        count = spread(method, x, p, entries, steps, root, points)
+        count = sigma_points(method, x, p, entries, steps, root, points)
         place = scalars[PLACE] + wheel[POSITION]
         guess = kept[SINKAGE]
         left = 0.0
         for i in range(count):
             # Not across standstill, where all of it turns round.
-            speed = heading * max(heading * points[i, 0], LEAST_TRANSIT_SPEED)
+            speed = heading * max(heading * points[i, 0], MIN_TRANSIT_SPEED)
             moment, resistance, _, z, shear = quasi_static(
                 speed, omega, kept[LOAD], place, (points[i, 1], points[i, 2], points[i, 3]),
                 body.soils[j], wheel, ruts, guess, soil,
@@ -441,13 +441,13 @@ def take_in_moments(method, x, p, memory, scalars, ruts, body, noise):
             if i == 0:
                 guess, left = z, shear
         kept[SINKAGE], kept[SHEAR] = sinkages[0], left
-        kept[RESISTANCE], kept[RESISTANCE_REST] = line_through(
+        kept[RESISTANCE], kept[RESISTANCE_REST] = linearise(
             method, resistances, steps, root, slope
         )
         kept[BY_SPEED : BY_SPEED + k] = slope
-        line_through(method, sinkages, steps, root, slope)
+        linearise(method, sinkages, steps, root, slope)
         kept[SINKAGE_SLOPE] = slope[PER_WHEEL]
-        expected, rest = line_through(method, moments, steps, root, slope)
+        expected, rest = linearise(method, moments, steps, root, slope)
         kept[MOMENT_SLOPE] = slope[0]
 
         h[:] = 0.0
@@ -484,11 +484,11 @@ def take_in_moments(method, x, p, memory, scalars, ruts, body, noise):
         variance = (noise.moment * unit) ** 2 + (noise.slip * per_slip) ** 2 + by_pulses + rest
         variance *= (unsettled * changing) ** 2 * (1.0 + (kept[SURPRISE] / DOUBT_SURPRISE) ** 4)
         optimal_gain(p, h, variance, gain)
-        take_in(x, p, h, gain, innovation, variance)
+        update(x, p, h, gain, innovation, variance)
 
 
 @kernel
-def take_in_wheels(method, t, omega, torque, x, p, memory, scalars, ruts, body, noise):
+def update_wheels(method, t, omega, torque, x, p, memory, scalars, ruts, body, noise):
     """Take in a reading of all wheels but the first, in place.
 
     Parameters
@@ -515,11 +515,11 @@ def take_in_wheels(method, t, omega, torque, x, p, memory, scalars, ruts, body, 
         SI units.
     """
     advance(t, omega, torque, x, p, memory, scalars, ruts, body, noise)
-    take_in_moments(method, x, p, memory, scalars, ruts, body, noise)
+    update_moments(method, x, p, memory, scalars, ruts, body, noise)
 
 
 @kernel
-def take_in_speed(x, p, v, variance):
+def update_speed(x, p, v, variance):
     """Take in a measured speed over ground, in place.
 
     Parameters
@@ -537,4 +537,4 @@ def take_in_speed(x, p, v, variance):
     h[SPEED] = 1.0
     gain = np.empty(x.size)
     optimal_gain(p, h, variance, gain)
-    take_in(x, p, h, gain, v - x[SPEED], variance)
+    update(x, p, h, gain, v - x[SPEED], variance)

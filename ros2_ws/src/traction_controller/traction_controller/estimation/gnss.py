@@ -221,7 +221,7 @@ class GnssTrack:
     latency : float
         By how much a stamp is later than the measurement, s, at least 0; 0 where the receiver
         stamps the time of measurement.
-    least_speed : float
+    min_speed : float
         Ground speed below which speed and heading are not valid, m/s, above 0. Two fixes dt
         apart tell the speed to sqrt(2)*position/dt, whatever it is: 0.3 m/s at 10 Hz, which
         the filter brings down to about 0.05.
@@ -255,7 +255,7 @@ class GnssTrack:
     _LARGEST_DEVIATION = 0.5
     _UNKNOWN_SPEED = 10.0
     # That many fixes at least must agree before the track goes on from them.
-    _LEAST_FIXES = 4
+    _MIN_FIXES = 4
     # Standard deviation of the velocity where fixes begin to be refused, as a share of it:
     # within the gate the vehicle may stand, or go twice as fast.
     _CHANGED = 0.25
@@ -264,12 +264,12 @@ class GnssTrack:
         self,
         noise: GnssNoise = GnssNoise(),
         latency: float = 0.0,
-        least_speed: float = 0.3,
+        min_speed: float = 0.3,
         gate: float = 4.5,
         settling: float = 0.3,
     ) -> None:
         for name, value in (
-            ('least_speed', least_speed),
+            ('min_speed', min_speed),
             ('gate', gate),
             ('settling', settling),
         ):
@@ -279,7 +279,7 @@ class GnssTrack:
             raise ValueError(f'latency must be at least 0 s, got {latency}')
         self.noise = noise
         self.latency = latency
-        self.least_speed = least_speed
+        self.min_speed = min_speed
         self.gate = gate
         self.settling = settling
         self.distance = 0.0
@@ -325,7 +325,7 @@ class GnssTrack:
         return (
             self._motion is not None
             and self.t is not None
-            and abs(self.speed) >= self.least_speed
+            and abs(self.speed) >= self.min_speed
             and self.speed_variance < self._LARGEST_DEVIATION**2
             and self.t - self._believed_t <= self.LONGEST_GAP
         )
@@ -518,7 +518,7 @@ class GnssTrack:
         growth = self.noise.acceleration**2 + (self.noise.manoeuvre * speed) ** 2
         growth *= between
         if math.isfinite(faster):
-            if speed >= self.least_speed:
+            if speed >= self.min_speed:
                 change = self._sense * faster * self._direction
                 growth += (self.noise.wheels * faster) ** 2
             else:
@@ -536,14 +536,14 @@ class GnssTrack:
         fits = trial is not None and trial.off(kind, measured, variance) <= self.gate
         self._trial_score += 1 if fits else -1
         if trial is None or self._trial_score <= 0:
-            deviation = self._CHANGED * max(float(np.linalg.norm(motion.u)), self.least_speed)
+            deviation = self._CHANGED * max(float(np.linalg.norm(motion.u)), self.min_speed)
             self._trial = self._start(kind, measured, variance, motion.u, deviation)
             self._trial_since = self.t
             self._trial_score = 1
         elif fits:
             self._trial = trial.corrected(kind, measured, variance)
             lasted = self.t - self._trial_since >= self.settling - 1e-9
-            if lasted and self._trial_score >= self._LEAST_FIXES:
+            if lasted and self._trial_score >= self._MIN_FIXES:
                 return self._trial
         return None
 

@@ -54,7 +54,7 @@ class WarningLimits:
     ----------
     horizon : float
         Time to standstill, at the present rate, at which a warning is given, s.
-    least_speed : float
+    min_speed : float
         Ground speed below which the vehicle counts as standing, m/s.
     slip : float
         Share of power lost in slip at which a warning is given, dimensionless.
@@ -75,7 +75,7 @@ class WarningLimits:
     """
 
     horizon: float = 1.5
-    least_speed: float = 0.3
+    min_speed: float = 0.3
     slip: float = 0.6
     digging_slip: float = 0.3
     mobilised: float = 0.95
@@ -258,7 +258,7 @@ class Immobilisation:
         self, t: float, speed: float, rim: float, trying: bool, goes_on: bool, mobilised: float
     ) -> None:
         limits = self.limits
-        standing = trying and speed < limits.least_speed and (goes_on or rim > limits.least_speed)
+        standing = trying and speed < limits.min_speed and (goes_on or rim > limits.min_speed)
         if not standing:
             self._standing_since = None
         elif self._standing_since is None:
@@ -293,10 +293,10 @@ class Immobilisation:
         if not trying:
             return found
         rate = self._speed.rate
-        falling = rate < 0.0 and speed > limits.least_speed
-        left = (speed - limits.least_speed) / -rate if falling else math.inf
-        least_slip = limits.digging_slip * (0.5 if mobilised >= limits.mobilised else 1.0)
-        digging = falling and self._rim.rate > 0.0 and self.slip >= least_slip
+        falling = rate < 0.0 and speed > limits.min_speed
+        left = (speed - limits.min_speed) / -rate if falling else math.inf
+        min_slip = limits.digging_slip * (0.5 if mobilised >= limits.mobilised else 1.0)
+        digging = falling and self._rim.rate > 0.0 and self.slip >= min_slip
         if digging and left < 2.0 * limits.horizon:
             found = (Reason.DIGGING_IN, left)
         elif falling and goes_on:
@@ -307,7 +307,7 @@ class Immobilisation:
             if below < min(limits.horizon, found[1]) and self._depth.value > limits.sinkage / 2:
                 found = (Reason.SINKING, max(below, 0.0))
         # Moving off, the vehicle gains speed all the while.
-        slipping = self.slip >= limits.slip and rim > limits.least_speed and rate <= 0.0
+        slipping = self.slip >= limits.slip and rim > limits.min_speed and rate <= 0.0
         if found[0] is Reason.NONE and slipping:
             found = (Reason.SLIPPING, found[1])
         return found

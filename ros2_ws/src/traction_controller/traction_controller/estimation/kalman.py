@@ -9,7 +9,7 @@ slope and the variance that a straight line leaves over:
   columns of the covariance's Cholesky factor. Mean, slope and rest are those of the line that
   fits the values best (statistical linear regression), which is the unscented transform of the
   entries concerned with ``lambda = 0``;
-- ``LPV``: the derivative, too; the covariance comes from a table.
+- ``SCHEDULED_GAIN``: the derivative, too; the covariance comes from a table.
 
 Every update is in the Joseph form, which keeps the covariance symmetric and positive whatever
 the gain.
@@ -39,13 +39,13 @@ class Method(IntEnum):
         Extended: derivatives.
     UKF
         Unscented: regression over points as far out as the state is unknown.
-    LPV
+    SCHEDULED_GAIN
         Covariance scheduled, computed beforehand, and with it the gains.
     """
 
     EKF = 0
     UKF = 1
-    LPV = 2
+    SCHEDULED_GAIN = 2
 
 
 _UKF = int(Method.UKF)
@@ -57,7 +57,7 @@ def method_named(name: str) -> Method:
     Parameters
     ----------
     name : str
-        ``ekf``, ``ukf`` or ``lpv``.
+        ``ekf``, ``ukf`` or ``scheduled_gain``.
 
     Returns
     -------
@@ -95,7 +95,7 @@ def propagate(x, p, transition, noise):
 
 
 @kernel
-def forget(p, entry, variance):
+def reset_entry(p, entry, variance):
     """Give up what is known of one entry of the state but its value, in place.
 
     Parameters
@@ -145,7 +145,7 @@ def optimal_gain(p, h, variance, gain):
 
 
 @kernel
-def take_in(x, p, h, gain, innovation, variance):
+def update(x, p, h, gain, innovation, variance):
     """Take in one scalar measurement by any gain, in place, in the Joseph form.
 
     ``(I - K*h') * P * (I - K*h')' + K*R*K'`` is worked out as
@@ -183,7 +183,7 @@ def take_in(x, p, h, gain, innovation, variance):
 
 
 @kernel
-def spread(method, x, p, entries, steps, root, points):
+def sigma_points(method, x, p, entries, steps, root, points):
     """Choose the points at which a function of a few entries is to be worked out.
 
     Parameters
@@ -237,7 +237,7 @@ def spread(method, x, p, entries, steps, root, points):
 
 
 @kernel
-def line_through(method, values, steps, root, slope):
+def linearise(method, values, steps, root, slope):
     """Find mean, slope and what a line leaves over from a function's values at the points.
 
     Parameters

@@ -8,7 +8,7 @@ all else changes. Anything beyond that may be slip, and is left to the estimator
 import math
 from collections.abc import Sequence
 
-from traction_model.slip import LEAST_SPEED
+from traction_model.slip import MIN_SPEED
 from traction_model.vehicle.vehicle import Vehicle
 
 
@@ -23,7 +23,7 @@ class _Constancy:
     """
 
     # Share that others are off up to which time does not count, and at which it does in full.
-    _LEAST_CHANGE = 0.003
+    _MIN_CHANGE = 0.003
     _CHANGE = 0.02
 
     def __init__(self) -> None:
@@ -46,7 +46,7 @@ class _Constancy:
             abs(now - then) / max(abs(then), scale)
             for now, then, scale in zip(others, self._others, scales, strict=True)
         )
-        if change > self._LEAST_CHANGE:
+        if change > self._MIN_CHANGE:
             self.time += (t - self._t) * min(change / self._CHANGE, 1.0)
         self._t = t
 
@@ -58,7 +58,7 @@ class Plausibility:
     ----------
     vehicle : Vehicle
         The vehicle, SI units.
-    least_speed : float
+    min_speed : float
         Speed of rim or vehicle up to which it counts as standing, m/s, above 0.
     tachometer_pulses : float
         Pulses per turn that the tachometers count; 0 for ideal ones.
@@ -69,22 +69,22 @@ class Plausibility:
     """
 
     # Grip of the ground beyond which nothing is expected, as a share of static load.
-    _MOST_GRIP = 1.0
+    _MAX_GRIP = 1.0
     # Torque beyond which no engine is, as a multiple of static load times radius, and speed of rim
     # or ground, m/s: what lies beyond is no measurement.
-    _MOST_TORQUE = 10.0
-    _MOST_SPEED = 1000.0
+    _MAX_TORQUE = 10.0
+    _MAX_SPEED = 1000.0
     # Change of speed of a wheel that is always taken, rad/s, and least time that it may have had:
     # stamps of a bus are those of arrival.
     _SMALL_CHANGE = 0.5
-    _LEAST_TIME = 0.005
+    _MIN_TIME = 0.005
     # Pull over static load from which on a wheel counts as driving.
     _DRIVING = 0.05
     # A driving wheel's rim over the ground's speed, at the least: less is not even a wheel on the
     # inside of a narrow bend with a wrong radius.
-    _LEAST_RATIO = 0.5
+    _MIN_RATIO = 0.5
     # Ground's speed over that of the fastest driving rim, at the most.
-    _MOST_RATIO = 1.3
+    _MAX_RATIO = 1.3
     # How near a reading has to come to the last that was believed, as a share, and for how long
     # all have to be plausible until they are believed again, s.
     _NEAR = 0.3
@@ -103,7 +103,7 @@ class Plausibility:
     def __init__(
         self,
         vehicle: Vehicle,
-        least_speed: float = LEAST_SPEED,
+        min_speed: float = MIN_SPEED,
         tachometer_pulses: float = 0.0,
         stuck_time: float = 0.15,
     ) -> None:
@@ -111,7 +111,7 @@ class Plausibility:
         self._radii = [float(wheel.radius) for wheel in vehicle.wheels]
         self._inertias = [float(wheel.inertia) for wheel in vehicle.wheels]
         self._loads = [float(load) for load in vehicle.static_loads()]
-        self._least_speed = least_speed
+        self._min_speed = min_speed
         self._scales = [
             *(self._SLOW / radius for radius in self._radii),
             *(
@@ -183,14 +183,14 @@ class Plausibility:
     ) -> str:
         everything = (*omega, *torque)
         for j, name in enumerate(self._names):
-            radius, grip = self._radii[j], self._MOST_GRIP * self._loads[j]
-            if abs(torque[j]) > self._MOST_TORQUE * self._loads[j] * radius:
+            radius, grip = self._radii[j], self._MAX_GRIP * self._loads[j]
+            if abs(torque[j]) > self._MAX_TORQUE * self._loads[j] * radius:
                 return f"torque of wheel '{name}' is beyond any engine"
-            if abs(radius * omega[j]) > self._MOST_SPEED:
+            if abs(radius * omega[j]) > self._MAX_SPEED:
                 return f"speed of wheel '{name}' is beyond any vehicle"
             if self._t is not None:
                 most = (abs(torque[j]) + grip * radius) / self._inertias[j]
-                most *= max(t - self._t, self._LEAST_TIME)
+                most *= max(t - self._t, self._MIN_TIME)
                 if abs(omega[j] - self._omega[j]) > most + self._SMALL_CHANGE + self._pulse:
                     return f"speed of wheel '{name}' jumps beyond what torque and ground can do"
             rim = radius * omega[j]
@@ -198,22 +198,21 @@ class Plausibility:
             if (
                 v * pull > 0.0
                 and abs(pull) > self._DRIVING * self._loads[j]
-                and math.copysign(1.0, v) * rim < self._LEAST_RATIO * abs(v) - self._least_speed
+                and math.copysign(1.0, v) * rim < self._MIN_RATIO * abs(v) - self._min_speed
             ):
                 return f"wheel '{name}' drives, yet is slower than the ground"
             constancy = self._wheels[j]
             constancy.take(t, omega[j], everything, self._scales)
             if (
                 not self._pulse
-                and abs(rim) >= self._least_speed
+                and abs(rim) >= self._min_speed
                 and constancy.time >= self._stuck_time
                 and constancy.readings >= self._STUCK_READINGS
             ):
                 return f"speed of wheel '{name}' is stuck"
         if (
             not self._pulse
-            and max(abs(r * w) for r, w in zip(self._radii, omega, strict=True))
-            >= self._least_speed
+            and max(abs(r * w) for r, w in zip(self._radii, omega, strict=True)) >= self._min_speed
             and all(
                 constancy.readings >= self._ALL_STUCK_READINGS
                 and constancy.time >= self._ALL_STUCK * self._stuck_time
@@ -226,8 +225,8 @@ class Plausibility:
     def _back(self, t: float, omega: Sequence[float]) -> bool:
         """Whether a reading is what it was before the implausible ones, or of a standstill."""
         rims = [abs(radius * w) for radius, w in zip(self._radii, omega, strict=True)]
-        moving = t - self._ground_t <= self._RECENT and abs(self._ground) >= self._least_speed
-        if max(rims) < self._least_speed and not moving:
+        moving = t - self._ground_t <= self._RECENT and abs(self._ground) >= self._min_speed
+        if max(rims) < self._min_speed and not moving:
             return True
         return bool(self._believed) and all(
             abs(w - before) <= self._NEAR * abs(before) for w, before in
@@ -254,12 +253,12 @@ class Plausibility:
         """
         if not math.isfinite(v) or self._t is None:
             return True
-        if abs(v) > self._MOST_SPEED:
+        if abs(v) > self._MAX_SPEED:
             return False
         constancy = self._speeds.setdefault(sensor, _Constancy())
         constancy.take(t, v, tuple(self._omega), self._scales[: len(self._omega)])
         stuck = (
-            abs(v) >= self._least_speed
+            abs(v) >= self._min_speed
             and constancy.time >= self._stuck_time
             and constancy.readings >= self._STUCK_READINGS
         )
@@ -268,7 +267,7 @@ class Plausibility:
         )
         fastest = max(abs(r * w) for r, w in zip(self._radii, self._omega, strict=True))
         driven = pull > self._DRIVING * sum(self._loads)
-        if stuck or (driven and abs(v) > self._MOST_RATIO * fastest + self._least_speed):
+        if stuck or (driven and abs(v) > self._MAX_RATIO * fastest + self._min_speed):
             return False
         self._ground, self._ground_t = v, t
         return True

@@ -79,7 +79,7 @@ class RadiusCalibration:
         """Whether it calibrates at present, or why not."""
         return self._rolling.state
 
-    def wheels(self, t: float, omega: ArrayLike, thrust: ArrayLike) -> None:
+    def wheels(self, t: float, omega: ArrayLike, gross_traction: ArrayLike) -> None:
         """Take in how fast the wheels turn and how much they pull.
 
         Parameters
@@ -88,7 +88,7 @@ class RadiusCalibration:
             Time of measurement, s. Readings that come late are passed over.
         omega : array_like, shape (n,)
             Wheel speeds, rad/s, forward positive.
-        thrust : array_like, shape (n,)
+        gross_traction : array_like, shape (n,)
             Thrust, N.
         """
         dt = t - self._t
@@ -100,7 +100,7 @@ class RadiusCalibration:
         else:
             self._broken = True
         self._t, self._omega = t, speeds
-        self._efforts += np.abs(thrust) / self._loads
+        self._efforts += np.abs(gross_traction) / self._loads
         self._readings += 1
 
     def fix(self, track: GnssTrack) -> None:

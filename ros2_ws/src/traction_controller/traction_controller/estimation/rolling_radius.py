@@ -39,7 +39,7 @@ class FirmGround:
 
     Attributes
     ----------
-    least_speed : float
+    min_speed : float
         Ground speed at least, m/s.
     largest_effort : float
         Thrust over load of a wheel at most, dimensionless.
@@ -60,7 +60,7 @@ class FirmGround:
         Random walk of the radius, as a share, 1 per sqrt(m): tyre pressure, load, wear.
     """
 
-    least_speed: float = 0.5
+    min_speed: float = 0.5
     largest_effort: float = 0.15
     largest_change: float = 0.1
     largest_turn: float = 0.2
@@ -209,7 +209,7 @@ class RollingRadius:
             self._rim = math.nan
             self._break_off(Calibration.NO_GROUND_SPEED)
             return
-        if abs(covered) < self.ground.least_speed * dt:
+        if abs(covered) < self.ground.min_speed * dt:
             self._break_off(Calibration.TOO_SLOW)
             return
         # Written so that NaN is no small effort.

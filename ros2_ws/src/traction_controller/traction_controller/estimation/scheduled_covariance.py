@@ -28,8 +28,8 @@ from traction_controller.estimation.filter_step import (
     Noise,
     begin,
     doubt_soil,
-    take_in_speed,
-    take_in_wheels,
+    update_speed,
+    update_wheels,
 )
 from traction_controller.estimation.kalman import Method
 from traction_controller.estimation.wheel_contact import quasi_static
@@ -218,13 +218,13 @@ class _SteadyDrive:
             # Only the covariance is wanted: the state stays where it is.
             self._x[SPEED], self._x[DRAWBAR] = self._v, self._drawbar
             self._x[FIRST_WHEEL:] = 0.0
-            take_in_wheels(
+            update_wheels(
                 int(Method.EKF), self._scalars[0] + WHEEL_PERIOD, self._omega, self._torque,
                 self._x, self._p, self._memory, self._scalars, self._ruts, self._body,
                 self._noise,
             )  # fmt: skip
             if measured and (steps - k) % every == every - 1:
-                take_in_speed(self._x, self._p, self._v, self._speed_variance)
+                update_speed(self._x, self._p, self._v, self._speed_variance)
 
     def record(self, table: NDArray[np.float64]) -> None:
         """Note the covariance now, and as it grows while the speed is not measured."""

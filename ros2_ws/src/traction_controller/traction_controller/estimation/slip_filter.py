@@ -46,13 +46,13 @@ from traction_controller.estimation.filter_step import (
     Noise,
     begin,
     doubt_soil,
-    take_in_speed,
-    take_in_wheels,
+    update_speed,
+    update_wheels,
 )
-from traction_controller.estimation.kalman import Method, forget, method_named
+from traction_controller.estimation.kalman import Method, method_named, reset_entry
 from traction_controller.estimation.scheduled_covariance import ScheduledCovariance
 from traction_model.contact.tractive import static_contact_length
-from traction_model.slip import LEAST_SPEED, is_valid, slip
+from traction_model.slip import MIN_SPEED, is_valid, slip
 from traction_model.soil.rut import Ruts, fresh_ruts
 from traction_model.soil.soil import Soil
 from traction_model.vehicle.vehicle import Vehicle
@@ -91,7 +91,7 @@ class EstimatorNoise:
         Standard deviation of these logarithms where the soil has changed, dimensionless.
     nominal : float
         How much of that the nominal soil is off when the estimate starts, dimensionless.
-    thrust : float
+    gross_traction : float
         Standard deviation of a wheel's moment over its radius, as a share of its static
         load, dimensionless.
     slip : float
@@ -111,7 +111,7 @@ class EstimatorNoise:
     shear_modulus: float = 0.6
     sinkage_modulus: float = 0.9
     nominal: float = 0.1
-    thrust: float = 0.03
+    gross_traction: float = 0.03
     slip: float = 0.03
     wheel_speed: float = 0.005
     wheel_acceleration: float = 0.07
@@ -134,7 +134,7 @@ STRENGTH_KNOWN = 0.15
 # Share of the sinkage that the quasi-static model leaves open, one standard deviation.
 SINKAGE_OPEN = 0.1
 # Least slope of moment over slip, as share of radius and load.
-LEAST_STIFFNESS = 0.05
+MIN_STIFFNESS = 0.05
 # Change of rolling radius, as a share, beyond which what was learnt of the soil is not kept.
 OTHER_RADIUS = 0.01
 
@@ -171,20 +171,20 @@ class SlipEstimation:
         Nominal soil: what is expected until a wheel tells otherwise.
     noise : EstimatorNoise
         How far the model is trusted.
-    least_speed : float
+    min_speed : float
         Speed of rim or vehicle below which slip is not valid, m/s, above 0.
     radar_timeout : float
         Silence of radar and satellite receiver after which the ground speed no longer counts as
         measured, s, above 0.
     radar_variance : float
         Variance of a measured speed that does not state one, m^2/s^2, above 0.
-    method : {'ekf', 'ukf', 'lpv'}
+    method : {'ekf', 'ukf', 'scheduled_gain'}
         Kalman filter: extended, unscented, or with scheduled gains.
     tachometer_pulses : float
         Pulses per turn that the tachometers count, at least 0; 0 for an ideal tachometer.
     radar_latency, gnss_latency : float
         Time by which stamps are later than what they stamp, s, 0 to 0.5.
-    radar_least_speed : float
+    radar_min_speed : float
         Speed below which the radar is blind and its readings are none, m/s, at least 0.
 
     Attributes
@@ -197,7 +197,7 @@ class SlipEstimation:
         Whether each slip means anything.
     rim_speed : ndarray, shape (n,)
         r*omega, m/s.
-    thrust : ndarray, shape (n,)
+    gross_traction : ndarray, shape (n,)
         Thrust from shaft torque, N.
 
     Raises
@@ -238,7 +238,7 @@ class SlipEstimation:
         vehicle: Vehicle,
         soil: Soil,
         noise: EstimatorNoise = EstimatorNoise(),
-        least_speed: float = LEAST_SPEED,
+        min_speed: float = MIN_SPEED,
         radar_timeout: float = 0.5,
         radar_variance: float = 0.0025,
         *,
@@ -246,10 +246,10 @@ class SlipEstimation:
         tachometer_pulses: float = 0.0,
         radar_latency: float = 0.0,
         gnss_latency: float = 0.0,
-        radar_least_speed: float = 0.0,
+        radar_min_speed: float = 0.0,
     ) -> None:
         for name, value in (
-            ('least_speed', least_speed),
+            ('min_speed', min_speed),
             ('radar_timeout', radar_timeout),
             ('radar_variance', radar_variance),
         ):
@@ -259,18 +259,18 @@ class SlipEstimation:
             ('tachometer_pulses', tachometer_pulses, math.inf),
             ('radar_latency', radar_latency, 0.5),
             ('gnss_latency', gnss_latency, 0.5),
-            ('radar_least_speed', radar_least_speed, math.inf),
+            ('radar_min_speed', radar_min_speed, math.inf),
         ):
             if not (math.isfinite(value) and 0 <= value <= most):
                 raise ValueError(f'{name} must be 0 to {most:g}, got {value}')
         self.vehicle = vehicle
         self.noise = noise
         self.method = method
-        self.least_speed = least_speed
+        self.min_speed = min_speed
         self.radar_timeout = radar_timeout
         self.radar_variance = radar_variance
         self.tachometer_pulses = tachometer_pulses
-        self.radar_least_speed = radar_least_speed
+        self.radar_min_speed = radar_min_speed
         self._method = int(method_named(method))
         self._latency = (radar_latency, gnss_latency)
 
@@ -294,12 +294,12 @@ class SlipEstimation:
         self._noise = Noise(
             speed=noise.speed,
             drawbar=noise.acceleration * vehicle.mass,
-            moment=noise.thrust,
+            moment=noise.gross_traction,
             slip=noise.slip,
             wheel_speed=noise.wheel_speed,
             wheel_acceleration=noise.wheel_acceleration,
             pulse=2 * math.pi / tachometer_pulses if tachometer_pulses else 0.0,
-            least_speed=least_speed,
+            min_speed=min_speed,
         )
         strengths, self._areas, self._lengths = [], [], []
         for wheel, load in zip(vehicle.wheels, loads, strict=True):
@@ -319,7 +319,7 @@ class SlipEstimation:
         self._allot()
         self._schedule: ScheduledCovariance | None = None
         self.reset()
-        if self._method == Method.LPV:
+        if self._method == Method.SCHEDULED_GAIN:
             self._schedule = ScheduledCovariance(
                 self._body, self._noise, self.radar_variance, self._unknown_drawbar, noise.nominal
             )
@@ -441,8 +441,8 @@ class SlipEstimation:
         return Source.WHEEL if silent else Source.BLENDED
 
     @property
-    def thrust(self) -> NDArray[np.float64]:
-        """Thrust from shaft torque, N, forward positive, shape (n,)."""
+    def gross_traction(self) -> NDArray[np.float64]:
+        """Moment of the soil over the rolling radius, N, forward positive, shape (n,)."""
         return np.asarray(self._memory[:, MOMENT] / self._wheels[:, RADIUS])
 
     @property
@@ -519,7 +519,7 @@ class SlipEstimation:
         if not np.all(self.strength_known):
             return math.nan
         strength = float(self.max_shear_stress @ np.array(self._areas))
-        return abs(float(self.thrust.sum())) / strength
+        return abs(float(self.gross_traction.sum())) / strength
 
     @property
     def slip_stiffness(self) -> NDArray[np.float64]:
@@ -541,7 +541,7 @@ class SlipEstimation:
                 per_slip = abs(rim) if abs(rim) >= abs(v) else v * v / max(abs(rim), 1e-3)
                 load = self._wheels[j, STATIC_LOAD]
                 stiffness[j] = max(
-                    LEAST_STIFFNESS * load, -slope * per_slip / self._wheels[j, RADIUS]
+                    MIN_STIFFNESS * load, -slope * per_slip / self._wheels[j, RADIUS]
                 )
         return np.asarray(stiffness)
 
@@ -614,7 +614,7 @@ class SlipEstimation:
         bool
             False where the reading was not believed: more than five standard deviations
             from what is expected. Where three in a row agree with each other, the estimate is
-            given up for the third. False too where it is none, below `radar_least_speed`, and
+            given up for the third. False too where it is none, below `radar_min_speed`, and
             where it is older than all readings of the wheels.
 
         Raises
@@ -661,7 +661,7 @@ class SlipEstimation:
             return False
         if abs(t - self.t) > self.LONGEST_GAP:
             raise ValueError(f'{name} reading is {t - self.t:+.3f} s off the wheels in time')
-        if sensor is SpeedSensor.RADAR and abs(v) < self.radar_least_speed:
+        if sensor is SpeedSensor.RADAR and abs(v) < self.radar_min_speed:
             return False
         measured = t - self._latency[sensor]
         entry = (measured, int(sensor), v, variance or self.radar_variance)
@@ -720,12 +720,12 @@ class SlipEstimation:
         elif reading.t > self._scalars[TIME]:
             if self._schedule is not None:
                 self._load_covariance(self._schedule)
-            take_in_wheels(
+            update_wheels(
                 self._method, reading.t, reading.omega, reading.torque, self._x, self._p,
                 self._memory, self._scalars, self._ruts, self._body, self._noise,
             )  # fmt: skip
         rims = self._wheels[:, RADIUS] * self._memory[:, OMEGA]
-        if np.max(np.abs(rims)) < self.least_speed:
+        if np.max(np.abs(rims)) < self.min_speed:
             self._stand_still(int(np.argmin(np.abs(rims))))
 
     def _load_covariance(self, schedule: ScheduledCovariance) -> None:
@@ -735,7 +735,7 @@ class SlipEstimation:
         rims = self._wheels[:, RADIUS] * self._memory[:, OMEGA]
         mean = float(np.mean([abs(slip(self.v, rim)) for rim in rims]))
         # After a start the filter's own covariance holds, which the start has left.
-        if abs(self.v) > self.least_speed and scalars[TRAVELLED] > 2 * self._settling:
+        if abs(self.v) > self.min_speed and scalars[TRAVELLED] > 2 * self._settling:
             schedule.look_up(
                 abs(self.v), mean, t - scalars[self._SPEED_T], t - scalars[CHANGED], self._p
             )
@@ -753,9 +753,9 @@ class SlipEstimation:
         if measured and self._unlikely(rim, variance):
             # Wheels that are locked, not a vehicle that stands.
             return
-        take_in_speed(self._x, self._p, rim, variance)
+        update_speed(self._x, self._p, rim, variance)
         # At rest resistance is whatever thrust is, and says nothing about driving.
-        forget(self._p, DRAWBAR, self._unknown_drawbar**2)
+        reset_entry(self._p, DRAWBAR, self._unknown_drawbar**2)
 
     def _unlikely(self, v: float, variance: float) -> bool:
         """Whether a measured speed is too far from the estimate to be believed."""
@@ -776,7 +776,7 @@ class SlipEstimation:
             if scalars[self._IN_A_ROW] < self._AGREEING:
                 return False
             self._x[SPEED] = v
-            forget(self._p, SPEED, variance)
+            reset_entry(self._p, SPEED, variance)
             self._doubt()
         else:
             expected = math.sqrt(self.v_variance + variance)
@@ -787,9 +787,9 @@ class SlipEstimation:
                 # Dozens of readings on the same side: speed is what they say on average, and
                 # soil or drawbar are others.
                 self._x[SPEED] += scalars[self._SPEED_SURPRISE] * expected
-                forget(self._p, SPEED, self._SURPRISE_SHARE * expected**2)
+                reset_entry(self._p, SPEED, self._SURPRISE_SHARE * expected**2)
                 self._doubt()
-            take_in_speed(self._x, self._p, v, variance)
+            update_speed(self._x, self._p, v, variance)
         scalars[self._IN_A_ROW] = 0
         scalars[self._SPEED_T] = max(scalars[self._SPEED_T], t)
         return True
@@ -798,7 +798,7 @@ class SlipEstimation:
         """Keep soil and drawbar, but trust them little."""
         for j in range(self.n_wheels):
             doubt_soil(self._x, self._p, j, self._body.changed, True)
-        forget(self._p, DRAWBAR, self._unknown_drawbar**2)
+        reset_entry(self._p, DRAWBAR, self._unknown_drawbar**2)
         self._p[SPEED, SPEED] += self.noise.speed**2
         self._scalars[self._SPEED_SURPRISE] = 0.0
 
@@ -819,7 +819,7 @@ class SlipEstimation:
             self.slip_variance[j] = min(
                 1.0, (of_v**2 * v_variance + of_rim**2 * rim_variance) / fastest**2
             )
-            self.valid[j] = is_valid(v, rim, self.least_speed) and v_valid
+            self.valid[j] = is_valid(v, rim, self.min_speed) and v_valid
 
     def _checked(self, what: str, values: ArrayLike) -> NDArray[np.float64]:
         array = np.asarray(values, dtype=float)

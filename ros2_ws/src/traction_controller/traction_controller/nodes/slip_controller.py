@@ -68,7 +68,7 @@ class SlipControllerBehaviour:
         ),
         Parameter(
             'slip_target', 0.2, 'slip to limit or hold, until one comes on the topic slip_target',
-            '', SlipControl.LEAST_TARGET, SlipControl.MOST_TARGET,
+            '', SlipControl.MIN_TARGET, SlipControl.MAX_TARGET,
         ),
         Parameter('law', 'lpv', 'control law', choices=LAWS),
         Parameter('gain_table', '', 'gain table of the law lpv: one that is shipped, or the path '
@@ -93,7 +93,7 @@ class SlipControllerBehaviour:
                   read_only=True),
         Parameter('torque_time_constant', 0.1, 'lag of shaft behind commanded torque', 's', 0.005,
                   2.0, read_only=True),
-        Parameter('least_speed', 0.3, 'speed of rim and vehicle below which slip is not acted on',
+        Parameter('min_speed', 0.3, 'speed of rim and vehicle below which slip is not acted on',
                   'm/s', 0.05, 2.0, read_only=True),
         Parameter('set_point', 'none', 'none: the target is given; efficiency: it is sought from '
                   'the estimated soil', choices=('none', 'efficiency'), read_only=True),
@@ -206,7 +206,7 @@ class SlipControllerBehaviour:
             settings=settings,
             hold_torque=p.hold_torque,
             torque_rate=p.torque_rate,
-            least_speed=p.least_speed,
+            min_speed=p.min_speed,
             grouping=Grouping[p.grouping.upper()],
             differential=Differential[p.differential.upper()],
             driven=p.driven_axles,
@@ -236,7 +236,7 @@ class SlipControllerBehaviour:
                 'slip_estimate valid',
                 'slip_estimate slip_variance',
                 'slip_estimate slip_stiffness',
-                'slip_estimate thrust',
+                'slip_estimate gross_traction',
             )
         }
         self._publish_command = self.publisher('wheel_torque_command').publish
@@ -366,9 +366,11 @@ class SlipControllerBehaviour:
             return
         self._refused.pop('speed', None)
         # An estimator may know no soil; what is known of its stiffness holds on.
-        thrusts = None
-        if len(message.thrust):
-            thrusts = self._take('slip_estimate thrust', names, message.thrust)
+        gross_tractions = None
+        if len(message.gross_traction):
+            gross_tractions = self._take(
+                'slip_estimate gross_traction', names, message.gross_traction
+            )
         if len(message.slip_stiffness):
             stiffness = self._take('slip_estimate slip_stiffness', names, message.slip_stiffness)
             self._stiffness = stiffness or self._stiffness
@@ -389,7 +391,7 @@ class SlipControllerBehaviour:
             self._stiffness,
             self._recent_torque(stamp),
             request,
-            thrusts=thrusts,
+            gross_tractions=gross_tractions,
             speed_measured=measured,
             deviations=deviations,
         )

@@ -45,7 +45,7 @@ class SlipEstimatorBehaviour:
             'soil', 'sandy_loam_chrono', 'nominal soil: preset or file.yaml:name', read_only=True
         ),
         Parameter(
-            'least_speed', 0.3, 'speed of rim or vehicle below which slip is not valid', 'm/s',
+            'min_speed', 0.3, 'speed of rim or vehicle below which slip is not valid', 'm/s',
             0.05, 2.0, read_only=True,
         ),
         Parameter(
@@ -66,8 +66,8 @@ class SlipEstimatorBehaviour:
         ),
         Parameter('odometry_rate', 50.0, 'rate of odometry', 'Hz', 1.0, 100.0, read_only=True),
         Parameter(
-            'method', 'ukf', 'Kalman filter: ukf (best), ekf (half the time) or lpv (gains '
-            'computed beforehand)', read_only=True,
+            'method', 'ukf', 'Kalman filter: ukf (best), ekf (half the time) or '
+            'scheduled_gain (computed beforehand)', read_only=True,
         ),
         Parameter(
             'tachometer_pulses', 0.0, 'pulses per turn that the tachometers count; 0: ideal', '',
@@ -78,7 +78,7 @@ class SlipEstimatorBehaviour:
             read_only=True,
         ),
         Parameter(
-            'radar_least_speed', 0.0, 'speed below which the radar is blind', 'm/s', 0.0, 2.0,
+            'radar_min_speed', 0.0, 'speed below which the radar is blind', 'm/s', 0.0, 2.0,
             read_only=True,
         ),
         Parameter(
@@ -134,8 +134,8 @@ class SlipEstimatorBehaviour:
             1e-3, 10.0, read_only=True,
         ),
         Parameter(
-            'noise_thrust', _NOISE.thrust, 'deviation of thrust from its curve, as share of the '
-            'static load', '', 1e-4, 10.0, read_only=True,
+            'noise_gross_traction', _NOISE.gross_traction, 'deviation of gross traction from its '
+            'curve, as share of the static load', '', 1e-4, 10.0, read_only=True,
         ),
         Parameter(
             'noise_slip', _NOISE.slip, 'deviation of the slip at which a thrust is reached', '',
@@ -171,29 +171,25 @@ class SlipEstimatorBehaviour:
             vehicle,
             load_soil(p.soil),
             EstimatorNoise(**noise),
-            p.least_speed,
+            p.min_speed,
             p.radar_timeout,
             p.radar_variance,
             method=p.method,
             tachometer_pulses=p.tachometer_pulses,
             radar_latency=p.radar_latency,
             gnss_latency=p.gnss_latency,
-            radar_least_speed=p.radar_least_speed,
+            radar_min_speed=p.radar_min_speed,
         )
         self._calibration = RadiusCalibration(
             vehicle, FirmGround(largest_effort=p.calibration_effort)
         )
-        self._plausibility = Plausibility(
-            vehicle, p.least_speed, p.tachometer_pulses, p.stuck_time
-        )
+        self._plausibility = Plausibility(vehicle, p.min_speed, p.tachometer_pulses, p.stuck_time)
         self._nominal_radius = self._estimation.rolling_radius
-        self._track = GnssTrack(latency=p.gnss_latency, least_speed=p.least_speed)
+        self._track = GnssTrack(latency=p.gnss_latency, min_speed=p.min_speed)
         self._immobilisation = Immobilisation(
             self._nominal_radius,
             float(vehicle.static_loads().sum()),
-            WarningLimits(
-                horizon=p.warning_horizon, slip=p.warning_slip, least_speed=p.least_speed
-            ),
+            WarningLimits(horizon=p.warning_horizon, slip=p.warning_slip, min_speed=p.min_speed),
         )
         names = list(vehicle.wheel_names)
         rear = _rear_axle(vehicle)
@@ -283,14 +279,14 @@ class SlipEstimatorBehaviour:
         self._refused.pop('wheel_states', None)
         # A reading that came late has changed the estimate, not the time.
         if t >= estimation.t:
-            self._calibration.wheels(t, omega, estimation.thrust)
+            self._calibration.wheels(t, omega, estimation.gross_traction)
             self._track.wheels(t, float(estimation.rim_speed.mean()))
             self._travel(t)
             self._watch(t, np.array(omega), np.array(torque))
 
         if (
             estimation.source is not Source.WHEEL
-            or np.abs(estimation.rim_speed).max() < self.p.least_speed
+            or np.abs(estimation.rim_speed).max() < self.p.min_speed
         ):
             self._on_the_move = False
         slip = self._slip
@@ -303,7 +299,7 @@ class SlipEstimatorBehaviour:
         slip.ground_based_speed_variance = estimation.v_variance
         slip.ground_based_speed_valid = estimation.v_valid and not self._on_the_move
         slip.source = int(estimation.source)
-        slip.thrust = estimation.thrust.tolist()
+        slip.gross_traction = estimation.gross_traction.tolist()
         slip.slip_stiffness = estimation.slip_stiffness.tolist()
         slip.rolling_radius = estimation.rolling_radius.tolist()
         slip.rolling_radius_variance = self._calibration.radius_variance.tolist()
@@ -419,7 +415,7 @@ class SlipEstimatorBehaviour:
             return
         self._refused.pop(topic, None)
         v = twist.twist.linear.x
-        if topic == 'radar' and abs(v) < self.p.radar_least_speed:
+        if topic == 'radar' and abs(v) < self.p.radar_min_speed:
             self._believe(topic, True)
             return
         self._believe(topic, believed)
@@ -436,13 +432,13 @@ class SlipEstimatorBehaviour:
         terrain.shear_deformation_modulus_variance = (
             estimation.shear_deformation_modulus_variance.tolist()
         )
-        terrain.thrust = estimation.thrust.tolist()
+        terrain.gross_traction = estimation.gross_traction.tolist()
         terrain.slip_stiffness = estimation.slip_stiffness.tolist()
         terrain.sinkage = estimation.sinkage.tolist()
         terrain.sinkage_variance = estimation.sinkage_variance.tolist()
         terrain.valid = estimation.strength_known.tolist()
-        terrain.motion_resistance = estimation.resistance
-        terrain.motion_resistance_variance = estimation.resistance_variance
+        terrain.external_resistance = estimation.resistance
+        terrain.external_resistance_variance = estimation.resistance_variance
         self._publish_terrain(terrain)
 
     def _send_odometry(self, stamp):

@@ -417,13 +417,13 @@ def margins(certificate: Certificate, density: int = 1) -> Margins:
         raise CertificateError(f'density must be at least 1, got {density}')
     design = certificate.design
     P = certificate.matrices()
-    least_eigenvalues = np.linalg.eigvalsh(P)[..., 0]
-    if not np.all(least_eigenvalues > 0):
-        *_, k = index = np.argwhere(~(least_eigenvalues > 0))[0]
+    min_eigenvalues = np.linalg.eigvalsh(P)[..., 0]
+    if not np.all(min_eigenvalues > 0):
+        *_, k = index = np.argwhere(~(min_eigenvalues > 0))[0]
         raise CertificateError(
             f'the certificate does not hold: the Lyapunov matrix at slip pole '
             f'{design.poles[k]:.4g} 1/s is not positive definite '
-            f'(least eigenvalue {least_eigenvalues[tuple(index)]:.3g})'
+            f'(least eigenvalue {min_eigenvalues[tuple(index)]:.3g})'
         )
     places = np.linspace(0, design.grid - 1, (design.grid - 1) * density + 1)
     gains, performance = np.array(certificate.gains), np.array(certificate.performance)

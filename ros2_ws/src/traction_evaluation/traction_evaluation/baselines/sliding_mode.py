@@ -51,7 +51,7 @@ class SlidingModeLaw:
         Naming the argument that is out of range.
     """
 
-    winds_up = False
+    velocity_form = False
 
     def __init__(
         self,
@@ -106,7 +106,7 @@ class SlidingModeLaw:
         error = (target - reading.slip) / self._layer
         inside = -1.0 < error < 1.0
         self.gains = (self._reach / self._layer if inside else 0.0, 0.0, 0.0)
-        equivalent = self._radius * reading.thrust
+        equivalent = self._radius * reading.gross_traction
         equivalent += self._friction * abs(reading.rim_speed) / self._radius
         torque = equivalent + self._reach * min(max(error, -1.0), 1.0)
         if self._offset is None:

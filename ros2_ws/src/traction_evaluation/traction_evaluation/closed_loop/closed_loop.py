@@ -149,7 +149,7 @@ class Truth:
         self.rim_speed = plant.rim_speed
         self.valid = np.array(plant.slip_valid)
         # What turns against the shaft, as an estimation finds thrust.
-        self.thrust = plant.forces[:, 3] / self._radii
+        self.gross_traction = plant.forces[:, 3] / self._radii
 
     @property
     def slip_stiffness(self) -> Array:
@@ -274,7 +274,7 @@ class ClosedLoop:
                 self._stiffness,
                 measured_torque.tolist(),
                 request,
-                thrusts=seen.thrust.tolist(),
+                gross_tractions=seen.gross_traction.tolist(),
                 speed_measured=seen.source is not Source.WHEEL,
                 deviations=np.sqrt(seen.slip_variance).tolist(),
             )

@@ -58,8 +58,8 @@ HOLD_TORQUE = 2.0
 CHUNK = 4
 
 # Targets of the LPV controller.
-MOST_SETTLING = 1.0
-MOST_OVERSHOOT = 0.2
+MAX_SETTLING = 1.0
+MAX_OVERSHOOT = 0.2
 RMSE_SHARE = 0.5
 
 # Fixed PI: gains that are tried, as shares of static load times radius, 1 and 1/s.
@@ -400,14 +400,14 @@ def checks(results):
             (
                 f'settling of a 0.05 step less the lag, 95th percentile, {noise}',
                 f'{seconds(settling)} s',
-                f'at most {MOST_SETTLING:g} s',
-                settling <= MOST_SETTLING,
+                f'at most {MAX_SETTLING:g} s',
+                settling <= MAX_SETTLING,
             ),
             (
                 f'overshoot, 95th percentile, {noise}',
                 f'{100 * over:.1f} %',
-                f'at most {100 * MOST_OVERSHOOT:g} %',
-                over <= MOST_OVERSHOOT,
+                f'at most {100 * MAX_OVERSHOOT:g} %',
+                over <= MAX_OVERSHOOT,
             ),
         ]
     return [
@@ -600,7 +600,7 @@ def time_steps(every):
         def step(acting=acting):
             acting.step(
                 DT, [0.14, 0.16, 0.15, 0.15], [True] * 4, rims, 2.0, loads, torques, torques,
-                thrusts=loads,
+                gross_tractions=loads,
             )  # fmt: skip
 
         times[controller.text] = evaluate_estimation.step_time(step)
@@ -665,9 +665,9 @@ def main(arguments=None):
     (docs / 'images').mkdir(parents=True, exist_ok=True)
 
     with Workers(console) as workers:
-        best, tuned, least, least_tuned = tune_pi(workers, tuning, pi_gains)
+        best, tuned, least, min_tuned = tune_pi(workers, tuning, pi_gains)
         console.print(f'fixed PI: {gains_text(best, tuned)}')
-        console.print(f'of the least slip RMSE: {gains_text(least, least_tuned)}')
+        console.print(f'of the least slip RMSE: {gains_text(least, min_tuned)}')
         every = controllers(best)
         seeing = replace(every[-1], text='LPV, true slip', truth=True)
         quarter = draws[: max(1, len(draws) // 4)]
@@ -723,7 +723,7 @@ def main(arguments=None):
         window=f'{trial.STEP_WINDOW:g}',
         last=f'{trial.LAST:g}',
         drop_window=f'{trial.DROP_WINDOW:g}',
-        least_draft=f'{trial.LEAST_DRAFT:g}',
+        min_draft=f'{trial.MIN_DRAFT:g}',
         error=f'{trial.LARGEST_ERROR:g}',
         runaway=f'{trial.RUNAWAY:g}',
         lag=f'{LAG:g}',
@@ -731,7 +731,7 @@ def main(arguments=None):
         tuning=len(tuning),
         tried=len(pi_gains[0]) * len(pi_gains[1]),
         fixed_pi=gains_text(best, tuned),
-        least_pi=gains_text(least, least_tuned),
+        min_pi=gains_text(least, min_tuned),
         quarter=len(quarter),
         checks=verdict_table(verdict),
         field=field_values,

@@ -65,7 +65,7 @@ DROP_WINDOW = 3.0
 LONGEST_DROP = 15.0
 """Time after which a drive ends that has not got there, s."""
 
-LEAST_DRAFT = 0.2
+MIN_DRAFT = 0.2
 """Least draft as a share of the vehicle's weight; what the soil does not pull, the slope does."""
 
 RAMP = 1.0
@@ -352,7 +352,7 @@ def run_trial(
     weight = own.mass * GRAVITY
     torque, pull = steady_pull(own, firm, TARGET, draw.speed / (1 - TARGET))
     _, weak_pull = steady_pull(own, weak, TARGET + STEP, draw.speed / (1 - TARGET - STEP))
-    drafts = [max(each, LEAST_DRAFT * weight) for each in (pull, weak_pull)]
+    drafts = [max(each, MIN_DRAFT * weight) for each in (pull, weak_pull)]
     downhill = [
         max(-STEEPEST, -math.asin(min(1.0, (draft - each) / weight)))
         for draft, each in zip(drafts, (pull, weak_pull), strict=True)

@@ -22,7 +22,7 @@ _SOFT = '#c8a165'
 DPI = 110
 """Dots per inch of all pictures."""
 
-MOST_BARS = 12
+MAX_BARS = 12
 """Most quantities that the sensitivity of a sweep is shown for, the strongest first."""
 
 
@@ -198,7 +198,7 @@ def draw_sweep(spreads: Sequence[Spread], title: str, path: Path | str) -> None:
         for name in spreads[0].correlations
     }
     # The strongest on top.
-    names = sorted(strength, key=strength.__getitem__)[-MOST_BARS:]
+    names = sorted(strength, key=strength.__getitem__)[-MAX_BARS:]
     bars = 0.9 + 0.32 * max(1, len(names))
     figure = Figure(figsize=(2.4 + 4.2 * len(spreads), 3.9 + bars), layout='constrained')
     figure.suptitle(title, fontsize=12, fontweight='bold')

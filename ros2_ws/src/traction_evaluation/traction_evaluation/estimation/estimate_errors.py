@@ -59,13 +59,13 @@ class Judge:
         Samples before this time are not judged, s.
     until : float
         Nor are those after this time, s.
-    least_speed : float
+    min_speed : float
         Nor are those with a rim slower than this, m/s.
     """
 
-    def __init__(self, settle: float = 2.0, until: float = math.inf, least_speed: float = 0.3):
+    def __init__(self, settle: float = 2.0, until: float = math.inf, min_speed: float = 0.3):
         self._window = settle, until
-        self._least_speed = least_speed
+        self._min_speed = min_speed
         self._errors: list[Array] = []
         self._deviations: list[Array] = []
         self._speed_errors: list[float] = []
@@ -105,7 +105,7 @@ class Judge:
         names = list(truth.wheel_names)
         true_slip = self._order.values(names, truth.slip)
         rims = np.abs(self._order.values(names, truth.wheel_based_speed))
-        if settle <= t <= until and np.all(rims > self._least_speed):
+        if settle <= t <= until and np.all(rims > self._min_speed):
             self._errors.append(np.asarray(slip) - true_slip)
             self._deviations.append(np.sqrt(variances))
             self._speed_errors.append(speed - truth.ground_based_speed)
@@ -132,7 +132,7 @@ def estimate_errors(
     *,
     settle: float = 2.0,
     until: float = math.inf,
-    least_speed: float = 0.3,
+    min_speed: float = 0.3,
     method: str = 'ukf',
     radar_gap: tuple[float, float] | None = None,
     radar_seed: int | None = None,
@@ -150,7 +150,7 @@ def estimate_errors(
         Samples before this time are not judged, s.
     until : float
         Nor are those after this time, s.
-    least_speed : float
+    min_speed : float
         Nor are those with a rim slower than this, m/s.
     method : {'ukf', 'ekf', 'lpv'}
         Kalman filter.
@@ -183,12 +183,12 @@ def estimate_errors(
         )
         vehicle, soil = vehicle_and_soil(bag, vehicle, soil)
         model = load_vehicle(vehicle)
-        estimation = SlipEstimation(model, load_soil(soil), least_speed=least_speed, method=method)
+        estimation = SlipEstimation(model, load_soil(soil), min_speed=min_speed, method=method)
         speeds = JointOrder(model.wheel_names, 'wheel_states velocity')
         torques = JointOrder(model.wheel_names, 'wheel_states effort')
         start, end = bag.start, bag.end
         estimates: dict[int, tuple[Array, Array, float]] = {}
-        judge = Judge(settle, until, least_speed)
+        judge = Judge(settle, until, min_speed)
         noise = None if radar_seed is None else np.random.default_rng(radar_seed)
         # Noise of readings that wait for the truth of their time.
         anew: dict[int, tuple[float, float]] = {}
@@ -225,5 +225,5 @@ def estimate_errors(
                     estimation.radar(t, content.ground_based_speed + off, variance)
     errors = judge.errors(model.wheel_names)
     if errors is None:
-        raise BagError(f'{path}: nothing to judge after {settle:g} s above {least_speed:g} m/s')
+        raise BagError(f'{path}: nothing to judge after {settle:g} s above {min_speed:g} m/s')
     return errors

@@ -21,7 +21,7 @@ from scipy.stats import spearmanr
 from traction_controller.estimation.gnss import GnssTrack
 from traction_controller.estimation.odometry import PathOdometry
 from traction_controller.estimation.rolling_radius import Calibration, FirmGround, RollingRadius
-from traction_model.slip import LEAST_SPEED
+from traction_model.slip import MIN_SPEED
 from traction_model.slip import slip as slip_of
 
 FOLDER = Path.cwd().parent / 'shared' / 'data' / 'field'
@@ -376,10 +376,10 @@ def tractor(start_scale: float = 0.94) -> TractorFigures:
         if calibration.calibrated[0]:
             calibrated = min(calibrated, now)
     rim = np.array(scales) * wheel
-    moving = (rim >= LEAST_SPEED) & (t >= calibrated)
+    moving = (rim >= MIN_SPEED) & (t >= calibrated)
     slip = np.array([slip_of(v, r) for v, r in zip(ground, rim, strict=True)])
     fifths = np.array_split(np.flatnonzero(moving)[np.argsort(torque[moving], kind='stable')], 5)
-    at_work = (state == 'W') & (ground >= TRACTOR_GROUND.least_speed)
+    at_work = (state == 'W') & (ground >= TRACTOR_GROUND.min_speed)
     return TractorFigures(
         start_scale=start_scale,
         scale=float(calibration.radius[0]),

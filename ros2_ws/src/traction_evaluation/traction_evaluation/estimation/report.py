@@ -17,7 +17,7 @@ from traction_model.vehicle.vehicle import load_vehicle
 
 BAGS = Path('bags')
 
-METHODS = ('ekf', 'ukf', 'lpv')
+METHODS = ('ekf', 'ukf', 'scheduled_gain')
 # The other two spin at up to 56 m/s.
 TRACTOR_SPEED = (
     'wheel_drawbar', 'wheel_torque_sine', 'wheel_soft_patch', 'tractor_sandy_loam',

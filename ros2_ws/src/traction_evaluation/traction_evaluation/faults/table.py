@@ -35,7 +35,7 @@ def _within(bench: FaultBench, torques: Sequence[float]) -> bool:
     )
 
 
-MOST_SLIP = SLIP_TARGET + 0.1
+MAX_SLIP = SLIP_TARGET + 0.1
 """True slip up to which a sensor fault counts as borne."""
 
 
@@ -44,11 +44,11 @@ def _no_more(bench: FaultBench, torques: Sequence[float]) -> bool:
         0.0 <= torque <= request
         for torque, request in zip(torques, bench.request, strict=True)
     )  # fmt: skip
-    return asked and bench.true_slip <= MOST_SLIP
+    return asked and bench.true_slip <= MAX_SLIP
 
 
 NO_TORQUE = 'safe torque (0 N·m)'
-NO_MORE = f'at most the request, and true slip at most {MOST_SLIP:g}'
+NO_MORE = f'at most the request, and true slip at most {MAX_SLIP:g}'
 WITHIN = 'within `min_torque` to `max_torque`'
 
 # Faults of messages on a topic
@@ -344,11 +344,11 @@ def _no_engine(bench: BusBench, limit: Sequence[float]) -> bool:
 
 
 def _limited_engine(bench: BusBench, limit: Sequence[float]) -> bool:
-    return limit[0] <= 1.0 and bench.true_slip <= MOST_SLIP
+    return limit[0] <= 1.0 and bench.true_slip <= MAX_SLIP
 
 
 _NO_ENGINE = 'limit of engine torque 0 on the bus'
-_GOES_ON = f'limit goes on every 10 ms, and true slip at most {MOST_SLIP:g}'
+_GOES_ON = f'limit goes on every 10 ms, and true slip at most {MAX_SLIP:g}'
 
 BUS_ROWS = (
     Row('Bus', 'silent', 'bridge: `missed` periods; suite silent; gate: `timeout`', _NO_ENGINE,

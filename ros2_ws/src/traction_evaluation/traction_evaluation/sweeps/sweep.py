@@ -29,7 +29,7 @@ from traction_model.simulation.sweep import FIGURES, Draw, Row, Sweep, simulate_
 SAVE_EVERY = 30.0
 """Time between savings of the rows that are finished, s: what a machine that fails can lose."""
 
-MOST_DRAWS = 8
+MAX_DRAWS = 8
 """Most draws that a worker is given at a time."""
 
 REACH_TIMEOUT = 10.0
@@ -221,7 +221,7 @@ def _cores() -> int:
 
 def _chunks(draws: Sequence[Draw], workers: int) -> list[Sequence[Draw]]:
     """Draws as they are handed out: enough pieces that no worker idles long at the end."""
-    size = max(1, min(MOST_DRAWS, math.ceil(len(draws) / (8 * workers))))
+    size = max(1, min(MAX_DRAWS, math.ceil(len(draws) / (8 * workers))))
     return [draws[k : k + size] for k in range(0, len(draws), size)]
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from traction_evaluation.verification.chrono import CHRONO_RUNS, ChronoRecording, read_chrono
-from traction_model.slip import LEAST_SPEED, is_valid, slip
+from traction_model.slip import MIN_SPEED, is_valid, slip
 from traction_node.topics import topic
 from tractor_io.bags.bag import QOS, BagError, BagWriter, typestore
 
@@ -71,11 +71,31 @@ class Samples:
         self.sinkage = recording.sinkage
         self.force = recording.net_force
         self.rim_speed = recording.rim_speed
+        self.inertia = np.array([wheel.inertia for wheel in recording.vehicle.wheels])
+        self.friction = np.array([wheel.viscous_friction for wheel in recording.vehicle.wheels])
         self.drawbar = recording.columns.get('drawbar')
         if self.drawbar is None:
             drawbar = recording.run.drawbar
             pull = drawbar.pull + drawbar.pull_per_speed * self.v
             self.drawbar = pull * np.minimum(1.0, self.time / drawbar.ramp)
+
+    def gross_traction(self, since: slice) -> NDArray[np.float64]:
+        """Mean moment of the soil over the radius: (T - b_f*omega - J*omega')/r.
+
+        Parameters
+        ----------
+        since : slice
+            Samples to take the mean of.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            N, forward positive.
+        """
+        omega, t = self.omega[since], self.time[since]
+        spin_up = (omega[-1] - omega[0]) / (t[-1] - t[0]) if len(t) > 1 else 0.0
+        moment = self.torque[since].mean(axis=0) - self.friction * omega.mean(axis=0)
+        return (moment - self.inertia * spin_up) / self.radius
 
 
 class Messages:
@@ -120,7 +140,7 @@ class Messages:
         )
 
     def slip_estimate(self, k: int):
-        """True slip and speeds; thrust proper and slip stiffness are not known, hence NaN."""
+        """True slip and speeds; at one instant forces and slip stiffness are not known: NaN."""
         s = self._s
         v, rims = s.v[k], s.rim_speed[k]
         n = len(s.names)
@@ -130,13 +150,13 @@ class Messages:
             wheel_names=s.names,
             slip=np.array([slip(v, rim) for rim in rims]),
             slip_variance=np.zeros(n),
-            valid=np.array([is_valid(v, rim, LEAST_SPEED) for rim in rims]),
+            valid=np.array([is_valid(v, rim, MIN_SPEED) for rim in rims]),
             wheel_based_speed=rims,
             ground_based_speed=v,
             ground_based_speed_variance=0.0,
             ground_based_speed_valid=True,
             source=kind.SOURCE_SIMULATED,
-            thrust=np.full(n, np.nan),
+            gross_traction=np.full(n, np.nan),
             slip_stiffness=np.full(n, np.nan),
             rolling_radius=s.radius,
             rolling_radius_variance=np.zeros(n),
@@ -146,17 +166,18 @@ class Messages:
         )
 
     def terrain_estimate(self, k: int):
-        """True soil force, sinkage and drawbar pull; forces are means since the last one.
+        """True gross traction, external resistance and sinkage; forces are means since the last.
 
-        Chrono gives the net force of the soil on a wheel, not thrust and soil resistance
-        apart. So thrust is net of soil resistance here and motion_resistance is the drawbar
-        pull alone: their sum still accelerates the vehicle. Shear stress and slip stiffness
-        are not known, hence NaN; all else is exact, hence valid.
+        Gross traction is what the shaft's torque leaves for the soil. Less the external
+        resistance it is what Chrono's soil and drawbar accelerate the vehicle by. Shear stress
+        and slip stiffness are not known, hence NaN; all else is exact, hence valid.
         """
         s = self._s
         n = len(s.names)
         unknown = np.full(n, np.nan)
         since = slice(max(0, k - TERRAIN_STEP + 1), k + 1)
+        gross_traction = s.gross_traction(since)
+        accelerating = (s.force[since].sum(axis=1) - s.drawbar[since]).mean()
         return self._types['traction_interfaces/msg/TerrainEstimate'](
             header=self._header(k, 'base_link'),
             wheel_names=s.names,
@@ -164,13 +185,13 @@ class Messages:
             max_shear_stress_variance=unknown,
             shear_deformation_modulus=unknown,
             shear_deformation_modulus_variance=unknown,
-            thrust=s.force[since].mean(axis=0),
+            gross_traction=gross_traction,
             slip_stiffness=unknown,
             sinkage=s.sinkage[k],
             sinkage_variance=np.zeros(n),
             valid=np.ones(n, dtype=bool),
-            motion_resistance=float(s.drawbar[since].mean()),
-            motion_resistance_variance=0.0,
+            external_resistance=float(gross_traction.sum() - accelerating),
+            external_resistance_variance=0.0,
         )
 
     def odometry(self, k: int):

@@ -19,7 +19,7 @@ import numpy as np
 from traction_evaluation.verification.chrono import SAMPLE_TIME, ChronoRecording
 from traction_model.contact.contact import Form
 from traction_model.simulation.simulate import Trajectory, simulate
-from traction_model.slip import LEAST_SPEED
+from traction_model.slip import MIN_SPEED
 from traction_model.soil.terrain import Terrain
 
 START = 0.3
@@ -152,7 +152,7 @@ def errors(recording: ChronoRecording, trajectory: Trajectory) -> Errors:
         In m/s, rad/s and slip.
     """
     last = slice(len(recording.t) - len(trajectory.t), None)
-    moving = np.abs(recording.rim_speed[last]) > LEAST_SPEED
+    moving = np.abs(recording.rim_speed[last]) > MIN_SPEED
     by_speed = np.abs(trajectory.v - recording.v[last])
     by_wheel = np.abs(trajectory.omega - recording.omega[last])
     by_slip = np.abs(trajectory.slip - recording.slip[last])[moving]

@@ -85,7 +85,7 @@ def check_form(form: Form, soils: Iterable[Soil]) -> None:
         )
 
 
-LEAST_TRANSIT_SPEED = 0.05
+MIN_TRANSIT_SPEED = 0.05
 """Speed below which soil is taken to pass under the wheel at this speed, m/s.
 
 It bounds the shear displacement at standstill, where the stress integral has no limit.
@@ -201,7 +201,7 @@ def slip_along_path(v, rim):
     float
         Slip, -1 to 1, along the path positive, whichever way the wheel goes.
     """
-    slipping = (rim - v) / max(abs(v), abs(rim), LEAST_TRANSIT_SPEED)
+    slipping = (rim - v) / max(abs(v), abs(rim), MIN_TRANSIT_SPEED)
     return max(-1.0, min(1.0, slipping))
 
 
@@ -244,7 +244,7 @@ def plate_contact(form, v, omega, z, z_rate, soil, radius, width, imposed):
         load = area * (soil[MODULUS] * z ** soil[N_EXP] + soil[DAMPING] * max(z_rate, 0.0))
 
     # Fades out at standstill, where resistance has no direction.
-    rolling = max(-1.0, min(1.0, v / LEAST_TRANSIT_SPEED))
+    rolling = max(-1.0, min(1.0, v / MIN_TRANSIT_SPEED))
     rim = radius * omega
     slipping = slip_along_path(v, rim)
     if form == 3:
@@ -417,7 +417,7 @@ def one_way(v, omega, z, z_rate, side, x, soils, starts, radius, width, depth, s
     displacement : float
         Shear displacement of the soil as it is left, m.
     """
-    transit = max(abs(v), LEAST_TRANSIT_SPEED)
+    transit = max(abs(v), MIN_TRANSIT_SPEED)
     rim = radius * omega
     # Where rim and ground go at the same speed, and where soil that was pressed before yields
     # again, stresses jump or have a kink.
@@ -530,7 +530,7 @@ def arc_contact(
 
     Normal stress acts vertically, shear stress horizontally, both per horizontal area, as in
     Chrono's SCM; shear displacement is integrated in closed form. A wheel wider than the rut
-    that it meets runs on fresh soil beside it. Within `LEAST_TRANSIT_SPEED` of standstill the
+    that it meets runs on fresh soil beside it. Within `MIN_TRANSIT_SPEED` of standstill the
     contact passes evenly from one side of the wheel to the other, and ruts fade out.
 
     Parameters
@@ -567,7 +567,7 @@ def arc_contact(
         return 0.0, 0.0, 0.0, 0.0, 0.0
     z = min(z, radius)
     entry = math.sqrt(z * (2.0 * radius - z))
-    ahead = max(0.0, min(1.0, (1.0 + v / LEAST_TRANSIT_SPEED) / 2.0))
+    ahead = max(0.0, min(1.0, (1.0 + v / MIN_TRANSIT_SPEED) / 2.0))
     load = 0.0
     friction = 0.0
     cohesion = 0.0
@@ -581,7 +581,7 @@ def arc_contact(
             continue
         depth, shear, rut_width = rut_at(x + side * entry, track, ruts)
         # At standstill both sides count as fresh, or a wheel's own rut would let it roll back.
-        moving = max(0.0, min(1.0, side * v / LEAST_TRANSIT_SPEED))
+        moving = max(0.0, min(1.0, side * v / MIN_TRANSIT_SPEED))
         depth *= moving
         shear *= moving
         in_rut = min(rut_width, width) if depth > 0.0 else 0.0

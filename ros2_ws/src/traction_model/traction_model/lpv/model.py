@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from traction_model.contact.contact import (
     EVERYWHERE,
     FREE,
-    LEAST_TRANSIT_SPEED,
+    MIN_TRANSIT_SPEED,
     UNTOUCHED,
     Form,
     check_form,
@@ -46,7 +46,7 @@ Array = NDArray[np.float64]
 State = Literal['speed', 'slip', 'inverse_slip']
 """What stands for the wheels in x: their speeds, their slips, or 1/slip."""
 
-LEAST_SINKAGE = 1e-5
+MIN_SINKAGE = 1e-5
 """Sinkage that a wheel in contact has at least, m: it bounds 1/A."""
 
 LARGEST_INVERSE_SLIP = {'speed': 1e4, 'slip': 1e4, 'inverse_slip': 100.0}
@@ -230,10 +230,10 @@ class LpvModel:
         """Ranges on which the model holds, whatever the soil."""
         n = self.n_wheels
         width = np.array([wheel.width for wheel in self.vehicle.wheels])
-        least_length = np.sqrt(2 * self._radius * LEAST_SINKAGE - LEAST_SINKAGE**2)
+        min_length = np.sqrt(2 * self._radius * MIN_SINKAGE - MIN_SINKAGE**2)
         load = LARGEST_LOAD * self.vehicle.mass * GRAVITY
         # R <= N*sin(theta0), and sin(theta0)/z = cot(theta0/2)/r <= 2/l.
-        gradient = 2 * load / least_length
+        gradient = 2 * load / min_length
         inverse = LARGEST_INVERSE_SLIP[self.state]
 
         def each(value: ArrayLike) -> Array:
@@ -253,7 +253,7 @@ class LpvModel:
             # Of the order of load*l/K, and l/K <= r/0.1 mm.
             stiffness = load * self._radius / 1e-4
             found = [
-                Parameter('speed', 'm/s', np.array([LEAST_TRANSIT_SPEED]), np.array([100.0])),
+                Parameter('speed', 'm/s', np.array([MIN_TRANSIT_SPEED]), np.array([100.0])),
                 slipping,
                 parameter('slip_stiffness', 'N', -stiffness, stiffness),
                 parameter(
@@ -263,7 +263,7 @@ class LpvModel:
                 parameter('resistance_gradient', 'N/m', -gradient, gradient),
             ]  # fmt: skip
             return {entry.name: entry for entry in found}
-        area = parameter('area', 'm^2', width * least_length, 2 * width * self._radius)
+        area = parameter('area', 'm^2', width * min_length, 2 * width * self._radius)
         # The shear stress nowhere exceeds the strength, whose mean over the contact ahead of the
         # wheel's bottom is tau_max: 1, and more where contact reaches behind it too.
         mobilisation = parameter('mobilisation', '1', -3.0, 3.0)
@@ -417,7 +417,7 @@ class LpvModel:
             int(self.form), v, omega, z, z_rate, 0.0, soil.reshape(1, -1), EVERYWHERE,
             wheel.radius, wheel.width, -1, UNTOUCHED, imposed, 0.0,
         )  # fmt: skip
-        depth = min(max(z, LEAST_SINKAGE), wheel.radius)
+        depth = min(max(z, MIN_SINKAGE), wheel.radius)
         area = wheel.width * math.sqrt(2 * wheel.radius * depth - depth * depth)
         if self._on_wheel:
             thrust, moment = thrust - resistance, moment - wheel.radius * resistance
@@ -558,7 +558,7 @@ class LpvModel:
         rim = self._radius * omega
         slipping = [slip_along_path(v, rim[j]) for j in wheels]
         values: dict[str, ArrayLike] = {
-            'heading': max(-1.0, min(1.0, v / LEAST_TRANSIT_SPEED)),
+            'heading': max(-1.0, min(1.0, v / MIN_TRANSIT_SPEED)),
             'sinkage_exponent': packed[:, N_EXP],
             'area': found.area,
             'load': found.load,
@@ -603,7 +603,7 @@ class LpvModel:
         # Slopes over wheel speed at constant v, the other state.
         shear_slope, moment_slope = np.empty(n), np.empty(n)
         for j in range(n):
-            h = 1e-5 * max(abs(omega[j]), max(abs(v), LEAST_TRANSIT_SPEED) / self._radius[j])
+            h = 1e-5 * max(abs(omega[j]), max(abs(v), MIN_TRANSIT_SPEED) / self._radius[j])
             below, above = (
                 self._contact(j, v, speed, z[j], z_rate[j], packed[j], imposed[j])
                 for speed in (omega[j] - h, omega[j] + h)

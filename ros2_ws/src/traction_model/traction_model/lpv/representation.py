@@ -16,9 +16,9 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from traction_model.contact.contact import FREE, LEAST_TRANSIT_SPEED
+from traction_model.contact.contact import FREE, MIN_TRANSIT_SPEED
 from traction_model.definition import closest
-from traction_model.lpv.model import LEAST_SINKAGE, LpvModel, Matrices, wheel_speed
+from traction_model.lpv.model import MIN_SINKAGE, LpvModel, Matrices, wheel_speed
 from traction_model.lpv.scheduling import Schedule
 from traction_model.soil.soil import Soil
 
@@ -425,8 +425,8 @@ class GridModel:
             name: _axis(name, values, low, high)
             for name, values, low, high in (
                 ('slip', slip, -0.99, 0.99),
-                ('sinkage', sinkage, LEAST_SINKAGE, min(w.radius for w in model.vehicle.wheels)),
-                ('speed', speed, LEAST_TRANSIT_SPEED, np.inf),
+                ('sinkage', sinkage, MIN_SINKAGE, min(w.radius for w in model.vehicle.wheels)),
+                ('speed', speed, MIN_TRANSIT_SPEED, np.inf),
             )
         }
         # Costly to import, and of no use to those who only simulate.

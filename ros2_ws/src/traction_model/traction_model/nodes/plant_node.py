@@ -121,7 +121,7 @@ class PlantNode(TractionNode):
         ),
         Parameter('radar_bias', 0.0, 'relative error of scale', '', -0.5, 0.5, read_only=True),
         Parameter(
-            'radar_least_speed', 0.2, 'speed below which the radar is blind', 'm/s', 0.0,
+            'radar_min_speed', 0.2, 'speed below which the radar is blind', 'm/s', 0.0,
             read_only=True,
         ),
         Parameter('radar_latency', 0.0, 'delay of a reading', 's', 0.0, 1.0, read_only=True),
@@ -167,7 +167,7 @@ class PlantNode(TractionNode):
         self._torques = JointOrder(names, 'wheel_torque effort')
         self._tachometer = Tachometer(len(names), p.tachometer_pulses)
         self._radar = Radar(
-            RadarModel(p.radar_noise, p.radar_bias, p.radar_least_speed, p.radar_latency), p.seed
+            RadarModel(p.radar_noise, p.radar_bias, p.radar_min_speed, p.radar_latency), p.seed
         )
         self._dt = 1.0 / p.rate
         self._steps = 0
@@ -286,16 +286,16 @@ class PlantNode(TractionNode):
         slip.valid = plant.slip_valid
         slip.wheel_based_speed = plant.rim_speed.tolist()
         slip.ground_based_speed = plant.v
-        slip.thrust = plant.thrust.tolist()
+        slip.gross_traction = plant.gross_traction.tolist()
         self._send('ground_truth/slip_estimate', slip)
         if self._due('ground_truth/terrain_estimate', 10.0):
             terrain = self._messages['ground_truth/terrain_estimate']
             terrain.max_shear_stress = plant.max_shear_stress
             terrain.shear_deformation_modulus = plant.shear_deformation_modulus
-            terrain.thrust = plant.thrust.tolist()
+            terrain.gross_traction = plant.gross_traction.tolist()
             terrain.sinkage = plant.sinkage.tolist()
             terrain.valid = plant.slip_valid
-            terrain.motion_resistance = plant.motion_resistance
+            terrain.external_resistance = plant.external_resistance
             self._send('ground_truth/terrain_estimate', terrain)
         if self._due('ground_truth/odometry', 50.0):
             odometry = self._messages['ground_truth/odometry']

@@ -69,7 +69,7 @@ class RadarModel:
         Standard deviation of a reading, m/s, at least 0.
     bias : float
         Relative error of its scale, dimensionless, above -1.
-    least_speed : float
+    min_speed : float
         Speed below which it gives no reading, m/s, at least 0.
     latency : float
         Time from measurement to delivery, s, at least 0.
@@ -77,11 +77,11 @@ class RadarModel:
 
     noise: float = 0.05
     bias: float = 0.0
-    least_speed: float = 0.2
+    min_speed: float = 0.2
     latency: float = 0.0
 
     def __post_init__(self) -> None:
-        for name, least in (('noise', 0), ('bias', -1), ('least_speed', 0), ('latency', 0)):
+        for name, least in (('noise', 0), ('bias', -1), ('min_speed', 0), ('latency', 0)):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= least):
                 raise ValueError(f'radar {name} must be at least {least}, got {value}')
@@ -114,7 +114,7 @@ class Radar:
             True speed, m/s.
         """
         noise = self.model.noise * self._random.standard_normal()
-        if abs(v) >= self.model.least_speed:
+        if abs(v) >= self.model.min_speed:
             self._under_way.append((t, v * (1 + self.model.bias) + noise))
 
     def deliver(self, t: float) -> list[tuple[float, float]]:

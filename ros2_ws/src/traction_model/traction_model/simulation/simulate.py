@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from traction_model.contact.contact import (
     FREE,
-    LEAST_TRANSIT_SPEED,
+    MIN_TRANSIT_SPEED,
     UNTOUCHED,
     Form,
     check_form,
@@ -28,7 +28,7 @@ from traction_model.contact.contact import (
     sinkage_at,
 )
 from traction_model.kernel import inlined, lean_kernel
-from traction_model.slip import LEAST_SPEED, is_valid, slip, slips
+from traction_model.slip import MIN_SPEED, is_valid, slip, slips
 from traction_model.soil.empirical import curve_ratios
 from traction_model.soil.rut import Ruts, fresh_ruts, press_rut
 from traction_model.soil.soil import (
@@ -157,7 +157,7 @@ def drawbar_force(t, v, pull, pull_per_speed, ramp):
         N, backward positive; fades out at standstill, as an implement does not push.
     """
     share = min(1.0, t / ramp) if ramp > 0.0 else 1.0
-    direction = max(-1.0, min(1.0, v / LEAST_TRANSIT_SPEED))
+    direction = max(-1.0, min(1.0, v / MIN_TRANSIT_SPEED))
     return direction * share * (pull + pull_per_speed * abs(v))
 
 
@@ -306,7 +306,7 @@ def steps_for(dt, y, model, forces, n, form, mode):
         radius = wheels[j, RADIUS]
         length = math.sqrt(2.0 * radius * min(max(forces[j, 4], 0.0), radius))
         strength = soil[COHESION] * wheels[j, WIDTH] * length + forces[j, 5] * soil[TAN_PHI]
-        speed = max(abs(v), radius * abs(y[FIRST_WHEEL + j]), LEAST_TRANSIT_SPEED)
+        speed = max(abs(v), radius * abs(y[FIRST_WHEEL + j]), MIN_TRANSIT_SPEED)
         stiffness = strength * length / (soil[SHEAR_MODULUS] * speed)
         # Laws with a hump rise more steeply than Janosi and Hanamoto's, of slope 1.
         if soil[SHEAR_LAW] > 0.0:
@@ -323,7 +323,7 @@ def steps_for(dt, y, model, forces, n, form, mode):
         if mode == 0:
             damping = soil[DAMPING] * wheels[j, WIDTH] * length
             if form == 2 and length > 0.0:
-                transit = max(abs(v), LEAST_TRANSIT_SPEED)
+                transit = max(abs(v), MIN_TRANSIT_SPEED)
                 damping += forces[j, 5] / (transit * length / radius)
             fastest = max(fastest, damping * GRAVITY / wheels[j, STATIC_LOAD])
     # Stable up to 2.8; C is mostly half of its bound.
@@ -666,7 +666,7 @@ class Plant:
     @property
     def slip_valid(self) -> list[bool]:
         """Whether each wheel's slip means anything, n entries."""
-        return [is_valid(self.v, float(rim), LEAST_SPEED) for rim in self.rim_speed]
+        return [is_valid(self.v, float(rim), MIN_SPEED) for rim in self.rim_speed]
 
     @property
     def sinkage(self) -> Array:
@@ -701,14 +701,21 @@ class Plant:
         ]
 
     @property
-    def motion_resistance(self) -> float:
-        """All that holds the vehicle back, N: soil, drawbar, grade and air."""
+    def gross_traction(self) -> Array:
+        """Moment of the soil over the radius of every wheel, N, forward positive, shape (n,)."""
+        radii = np.array([wheel.radius for wheel in self.vehicle.wheels])
+        return np.asarray(self.forces[:, 3] / radii)
+
+    @property
+    def external_resistance(self) -> float:
+        """Gross traction less what accelerates the vehicle, N: soil, drawbar, grade and air."""
         grade = self._model.grades[soil_row(self.x, self._model.starts)]
         climb = self._model.mass * GRAVITY * math.sin(grade)
         drag = self._model.drag * self.v * abs(self.v)
         model = self._model
         pull = drawbar_force(self.t, self.v, model.pull, model.pull_per_speed, model.pull_ramp)
-        return float(self.forces[:, 2].sum() + pull + climb + drag)
+        net_traction = self.forces[:, 1].sum() - self.forces[:, 2].sum()
+        return float(self.gross_traction.sum() - net_traction + pull + climb + drag)
 
     def step(self, torque: ArrayLike, duration: float) -> None:
         """Advance by a duration under constant commanded torque.

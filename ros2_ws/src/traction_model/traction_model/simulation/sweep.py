@@ -18,7 +18,7 @@ from scipy.stats import qmc
 from traction_model.definition import Definition, DefinitionError, build, closest, read_yaml
 from traction_model.distribution import Distribution
 from traction_model.simulation.simulate import Drawbar, Trajectory, drawbar_force, simulate
-from traction_model.slip import LEAST_SPEED
+from traction_model.slip import MIN_SPEED
 from traction_model.soil.soil import Soil, load_soil
 from traction_model.soil.terrain import STEEPEST, Terrain
 from traction_model.vehicle.vehicle import Vehicle, load_vehicle
@@ -732,7 +732,7 @@ def figures(trajectory: Trajectory, torque: Array, scenario: Scenario, settle: f
     judged = slice(min(first, len(t) - 2), None)
     radii = np.array([wheel.radius for wheel in scenario.vehicle.wheels])
     rim = np.abs(radii * trajectory.omega)
-    valid = np.maximum(np.abs(v)[:, None], rim) >= LEAST_SPEED
+    valid = np.maximum(np.abs(v)[:, None], rim) >= MIN_SPEED
     slip = trajectory.slip[judged][valid[judged]]
 
     draft = scenario.drawbar
@@ -742,7 +742,7 @@ def figures(trajectory: Trajectory, torque: Array, scenario: Scenario, settle: f
     power = (torque * trajectory.omega).sum(axis=1)
     energy = float(np.trapezoid(power[judged], t[judged]))
     end = t >= t[-1] - IMMOBILE_TIME
-    stuck = (v < IMMOBILE_SPEED) & (rim.max(axis=1) > LEAST_SPEED)
+    stuck = (v < IMMOBILE_SPEED) & (rim.max(axis=1) > MIN_SPEED)
     return {
         'slip_mean': float(slip.mean()) if slip.size else None,
         'slip_p95': float(np.percentile(slip, 95)) if slip.size else None,

@@ -43,7 +43,7 @@ CHUNK_SIZE = 256 * 1024
 LARGEST_INTEGER = 2**63 - 1
 """Largest time, ns, and largest depth of a queue."""
 
-MOST_HELD = 512 * 1024 * 1024
+MAX_HELD = 512 * 1024 * 1024
 """Bytes of chunks whose times overlap, all of which have to be held at once to sort them."""
 
 CUSTOM_DATA = 'traction_custom_data'
@@ -512,8 +512,8 @@ def _check_overlap(storage: Any) -> None:
         held = 0
         for _, size in sorted(edges):
             held += size
-            if held > MOST_HELD:
-                raise ValueError(f'chunks of one time claim more than {MOST_HELD} bytes')
+            if held > MAX_HELD:
+                raise ValueError(f'chunks of one time claim more than {MAX_HELD} bytes')
 
 
 def _topic(connections: Sequence[Connection]) -> Topic:

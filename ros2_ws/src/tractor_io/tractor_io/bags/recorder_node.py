@@ -35,10 +35,10 @@ ASK_PERIOD = 1.0
 ASK_EVERY = 5
 """Looks from one request to the next, as a node that starts may be busy for seconds."""
 
-MOST_LOOKS = 60
+MAX_LOOKS = 60
 """Looks after which a node that does not tell its parameters is left alone."""
 
-MOST_CHANGES = 100
+MAX_CHANGES = 100
 """Changes of a node's parameters that are kept, the newest ones."""
 
 
@@ -171,7 +171,7 @@ class BagRecorderNode(TractionNode):
                 )
         for node, (listing, getting) in list(self._asking.items()):
             self._looks[node] += 1
-            if self._looks[node] > MOST_LOOKS:
+            if self._looks[node] > MAX_LOOKS:
                 self._done_asking(node)
             elif self._looks[node] < self._ask_at[node]:
                 continue
@@ -200,7 +200,7 @@ class BagRecorderNode(TractionNode):
         found = map(parameter_value_to_python, future.result().values)
         values = {name: _plain(value) for name, value in zip(names, found, strict=True)}
         # Its clients go with the next look: this is called by one of them.
-        self._looks[node] = MOST_LOOKS
+        self._looks[node] = MAX_LOOKS
         self._to_say[f'parameters {node}'] = _yaml(values)
 
     def _note_changes(self, event):
@@ -211,7 +211,7 @@ class BagRecorderNode(TractionNode):
         for parameter in event.changed_parameters:
             value = _plain(parameter_value_to_python(parameter.value))
             changes.append({'time': time, parameter.name: value})
-        del changes[:-MOST_CHANGES]
+        del changes[:-MAX_CHANGES]
         self._to_say[f'changed {event.node}'] = _yaml(changes)
 
     def _say(self):

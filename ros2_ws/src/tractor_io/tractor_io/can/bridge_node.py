@@ -37,10 +37,10 @@ RETRY_PERIOD = 0.5
 FRAMES_PERIOD = 0.02
 """Time between two messages of raw frames, s."""
 
-MOST_RAW_FRAMES = 100
+MAX_RAW_FRAMES = 100
 """Raw frames in one message: 5000 a second, more than a bus of 500 kbit/s can carry."""
 
-MOST_FRAMES = 100
+MAX_FRAMES = 100
 """Frames taken in within a period of the limit: more is a flood, and waits for the next one."""
 
 # Manufacturer code for those without one of their own, and the function of a NAME.
@@ -219,7 +219,7 @@ class CanBridgeNode(TractionLifecycleNode):
             now = time.monotonic()
             if now >= until:
                 taken, until = 0, now + PERIOD
-            elif taken >= MOST_FRAMES:
+            elif taken >= MAX_FRAMES:
                 # Leaves the processor to the limit; the driver's own queue drops what is too much.
                 with self._lock:
                     self._counts['floods'] += 1
@@ -317,7 +317,7 @@ class CanBridgeNode(TractionLifecycleNode):
             except (OSError, ValueError):
                 # A full disk must not stop the limit.
                 self._counts['log_failures'] += 1
-        if len(self._raw) < MOST_RAW_FRAMES:
+        if len(self._raw) < MAX_RAW_FRAMES:
             self._raw.append((self.get_clock().now(), message))
         else:
             self._missed += 1
@@ -362,7 +362,7 @@ class CanBridgeNode(TractionLifecycleNode):
             level = ERROR if bus.claim.state is Claim.LOST else WARN
             text = f'no address: {bus.claim.state.value}'
         elif now < self._flooded:
-            level, text = WARN, f'flooded: over {MOST_FRAMES / PERIOD:.0f} frames/s'
+            level, text = WARN, f'flooded: over {MAX_FRAMES / PERIOD:.0f} frames/s'
         elif silent:
             level = ERROR if 'HRW' in silent else WARN
             text = f'silent: {", ".join(silent)}'

@@ -16,7 +16,7 @@ from tractor_io.can.ecu import TractorEcu
 from tractor_io.can.interface import DEFAULT_PORT, INTERFACES, frame, open_bus
 from tractor_io.can.parameter_group import tractor_groups
 
-MOST_FRAMES = 200
+MAX_FRAMES = 200
 """Frames taken in between two readings of the wheels: more is a flood."""
 
 
@@ -88,7 +88,7 @@ class TractorEcuNode(TractionNode):
             return
         now = time.monotonic()
         try:
-            for _ in range(MOST_FRAMES):
+            for _ in range(MAX_FRAMES):
                 heard = self._can.recv(0.0)
                 if heard is None:
                     break

@@ -31,7 +31,7 @@ class Reading:
         Speed over ground, m/s; its magnitude counts.
     stiffness : float
         Slip stiffness, N: slope of thrust over slip, at least 0.
-    thrust : float
+    gross_traction : float
         Thrust, N, along the request.
     shaft_torque : float
         Shaft torque, N*m, along the request.
@@ -41,7 +41,7 @@ class Reading:
     rim_speed: float = 0.0
     speed: float = 0.0
     stiffness: float = 0.0
-    thrust: float = 0.0
+    gross_traction: float = 0.0
     shaft_torque: float = 0.0
 
 
@@ -53,13 +53,13 @@ class SlipLaw(Protocol):
     gains : tuple of float
         Gains of the last step: on slip (N*m), on shaft torque (1), on the integral of the slip
         error (N*m/s), and what else the law has; for the state message.
-    winds_up : bool
+    velocity_form : bool
         Whether the law goes on from the torque sent, so that what is not delivered must come off
         it; otherwise it asks at every step for what the wheel's state is worth.
     """
 
     gains: tuple[float, ...]
-    winds_up: bool
+    velocity_form: bool
 
     def reset(self) -> None:
         """Forget the past: the next step is the first."""

@@ -49,7 +49,7 @@ class LpvLaw:
         If there is no table, or a time is out of range.
     """
 
-    winds_up = False
+    velocity_form = False
 
     # Below this speed, m/s, acceleration is taken as at it: slip says little there.
     _SLOWEST = 0.3
@@ -117,7 +117,7 @@ class LpvLaw:
         )
         self.gains = (slip_gain, torque_gain, 0.0, *command_gains)
         omega = abs(reading.rim_speed) / self._radius
-        base = self._radius * reading.thrust + self._friction * omega
+        base = self._radius * reading.gross_traction + self._friction * omega
         base += self._inertia * omega * self._relative_acceleration(abs(reading.speed), dt)
         history = self._sent
         history.insert(0, sent)

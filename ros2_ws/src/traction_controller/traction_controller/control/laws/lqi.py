@@ -61,7 +61,7 @@ class LqiLaw:
         Gains of the last step: N*m, 1, N*m/s.
     """
 
-    winds_up = True
+    velocity_form = True
 
     def __init__(
         self,

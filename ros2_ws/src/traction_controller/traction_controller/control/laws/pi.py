@@ -99,7 +99,7 @@ class PiLaw:
         Naming the argument that is out of range.
     """
 
-    winds_up = True
+    velocity_form = True
 
     def __init__(
         self,
