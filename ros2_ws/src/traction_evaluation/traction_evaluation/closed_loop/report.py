@@ -720,6 +720,7 @@ def main(arguments=None):
         step=f'{trial.STEP:g}',
         first_step=f'{trial.FIRST_STEP:g}',
         settle=f'{trial.SETTLE:g}',
+        under_way=f'{trial.UNDER_WAY:g}',
         window=f'{trial.STEP_WINDOW:g}',
         last=f'{trial.LAST:g}',
         drop_window=f'{trial.DROP_WINDOW:g}',

@@ -1,9 +1,11 @@
 """Trials of slip control: drives drawn at random over soils, masses, speeds, drives and sensors.
 
-A trial holds slip at a target, on a soil whose tau_max, K and n the control does not know. It
-starts rolling at the drawn speed and takes up the draft of its implement. When the rear wheels
-have come into the ruts of the front ones, and `SETTLE` has passed since, the target rises by
-`STEP`; `STEP_WINDOW` later all wheels, one axle after the other, come onto soil of half the
+A trial holds slip at a target, on a soil whose tau_max, K and n the control does not know. The
+tractor pulls away from standstill, as on a field: below the least speed at which slip means
+anything its request passes, so that control takes over a torque that is there. (Were control to
+begin on the move, it would begin from no torque, since without slip and speed torque may only
+fall.) When it has come to `UNDER_WAY` of the drawn speed, and the rear wheels into the ruts of the
+front ones, and `SETTLE` has passed since, the target rises by `STEP`; `STEP_WINDOW` later all wheels, one axle after the other, come onto soil of half the
 tau_max. Draft is in proportion to speed, and where the soil does not pull
 enough, the path goes downhill, so that steady motion at the target has the drawn speed on both
 soils; when the front wheels come onto the weaker one, the draft changes to that.
@@ -68,8 +70,8 @@ LONGEST_DROP = 15.0
 MIN_DRAFT = 0.2
 """Least draft as a share of the vehicle's weight; what the soil does not pull, the slope does."""
 
-RAMP = 1.0
-"""Time over which draft builds up, s."""
+UNDER_WAY = 0.9
+"""Share of the drawn speed from which on a tractor counts as under way, dimensionless."""
 
 BAND = 0.1
 """Band about its end within which an answer counts as settled, as a share of the step."""
@@ -370,15 +372,16 @@ def run_trial(
         plant = Plant(
             own,
             Terrain(firm, grades=downhill[0]),
-            drawbar=Drawbar(0.0, drafts[0] / draw.speed, RAMP),
+            drawbar=Drawbar(0.0, drafts[0] / draw.speed),
             torque_time_constant=draw.lag,
             step_size=INTEGRATION,
-            v0=draw.speed,
         )
         acting = control(draw)
         acting.set_target(TARGET)
         loop = ClosedLoop(plant, acting, estimation(draw), sensors, draw.seed)
-        while plant.x < foremost - hindmost and loop.t < LONGEST_START - SETTLE:
+        while loop.t < LONGEST_START - SETTLE and not (
+            plant.x >= foremost - hindmost and plant.v >= UNDER_WAY * draw.speed
+        ):
             loop.step(request)
         until(loop, max(FIRST_STEP, loop.t + SETTLE))
         stepped_at = loop.t
