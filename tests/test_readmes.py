@@ -22,11 +22,11 @@ PACKAGES = (
 
 
 def nodes():
-    """(package, node class) of every node with a table of parameters."""
+    """(package, class) of every node: a behaviour, or what is one."""
     for name in PACKAGES:
         package = importlib.import_module(name)
         for module in pkgutil.walk_packages(package.__path__, f'{name}.'):
-            if module.name.endswith('_node'):
+            if '.nodes.' in module.name or module.name.endswith('_node'):
                 for thing in vars(importlib.import_module(module.name)).values():
                     own = inspect.isclass(thing) and thing.__module__ == module.name
                     if own and hasattr(thing, 'PARAMETERS'):

@@ -21,6 +21,6 @@ setup(
     description='The last check of every wheel torque before the hardware.',
     license='Apache-2.0',
     entry_points={
-        'console_scripts': ['torque_gate = torque_gate.nodes.torque_gate_node:main'],
+        'console_scripts': ['torque_gate = torque_gate.nodes.torque_gate:main'],
     },
 )

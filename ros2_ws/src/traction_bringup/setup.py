@@ -33,7 +33,7 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'drive_cycle = traction_bringup.drive_cycle_node:main',
+            'drive_cycle = traction_bringup.nodes.drive_cycle:main',
             'traction = traction_bringup.command:main',
         ],
     },

@@ -27,8 +27,8 @@ setup(
     license='Apache-2.0',
     entry_points={
         'console_scripts': [
-            'slip_estimator = traction_controller.nodes.slip_estimator_node:main',
-            'slip_controller = traction_controller.nodes.slip_controller_node:main',
+            'slip_estimator = traction_controller.nodes.slip_estimator:main',
+            'slip_controller = traction_controller.nodes.slip_controller:main',
         ]
     },
 )

@@ -6,7 +6,7 @@ import threading
 from std_msgs.msg import Float64
 
 from traction_node import diagnostic
-from traction_node.node import TractionLifecycleNode, TractionNode
+from traction_node.behaviour import Behaviour
 from traction_node.parameter import Parameter
 from traction_node.run import run
 
@@ -14,10 +14,11 @@ from traction_node.run import run
 threading.Thread(target=threading.Event().wait, daemon=True).start()
 
 
-class Sample(TractionLifecycleNode):
+class Sample(Behaviour):
     """Publishes `slip_target` at 50 Hz while active, and 0 as its last word."""
 
     NAME = 'sample'
+    LIFECYCLE = True
     PARAMETERS = (
         Parameter('slip', 0.2, 'slip to publish', minimum=0.0, maximum=1.0),
         Parameter('slip_max', 0.5, 'largest slip', minimum=0.0, maximum=1.0),
@@ -32,20 +33,20 @@ class Sample(TractionLifecycleNode):
             raise ValueError(f'slip = {p.slip:g} exceeds slip_max = {p.slip_max:g}')
 
     def parameters_changed(self, p, names):
-        self.get_logger().info(f'slip is now {p.slip:g}')
+        self.host.get_logger().info(f'slip is now {p.slip:g}')
 
     def configure(self):
-        if self.p.fail_in == 'configure':
+        if self.host.p.fail_in == 'configure':
             raise OSError('no such calibration')
-        if self.p.fail_in == 'configure with a defect':
+        if self.host.p.fail_in == 'configure with a defect':
             raise RuntimeError('a defect')
-        self.target = self.publisher('slip_target')
-        self.subscription('radar', self.on_radar)
+        self.target = self.host.publisher('slip_target')
+        self.host.subscription('radar', self.on_radar)
 
     def activate(self):
-        if self.p.fail_in == 'activate':
+        if self.host.p.fail_in == 'activate':
             raise ValueError('no radar')
-        self.steady_timer(0.02, lambda: self.target.publish(Float64(data=self.p.slip)))
+        self.host.steady_timer(0.02, lambda: self.target.publish(Float64(data=self.host.p.slip)))
 
     def deactivate(self):
         self.target.publish(Float64(data=0.0))
@@ -57,10 +58,10 @@ class Sample(TractionLifecycleNode):
         speed = message.twist.twist.linear.x
         if speed < 0.0:
             raise RuntimeError('a defect in a callback')
-        self.set_diagnostic(diagnostic.WARN, 'radar heard', speed=speed)
+        self.host.set_diagnostic(diagnostic.WARN, 'radar heard', speed=speed)
 
 
-class Ticker(TractionNode):
+class Ticker(Behaviour):
     """Counts ticks of ROS time and ends after a number of them."""
 
     NAME = 'ticker'
@@ -69,20 +70,20 @@ class Ticker(TractionNode):
         Parameter('complaint', '', 'reason to end with'),
     )
 
-    def start(self):
-        if self.p.ticks == 13:
+    def configure(self):
+        if self.host.p.ticks == 13:
             raise ValueError('13 brings bad luck')
         self.count = 0
-        self.create_timer(0.1, self.tick)
+        self.host.node.create_timer(0.1, self.tick)
         print('started', flush=True)
 
     def tick(self):
         self.count += 1
-        print(f'tick {self.count} at {self.get_clock().now().nanoseconds / 1e9:.1f}', flush=True)
-        if self.count == self.p.ticks:
-            self.finish(self.p.complaint)
+        print(f'tick {self.count} at {self.host.now() * 1e-9:.1f}', flush=True)
+        if self.count == self.host.p.ticks:
+            self.host.finish(self.host.p.complaint)
 
-    def stop(self):
+    def deactivate(self):
         print('stopped', flush=True)
 
 

@@ -5,10 +5,10 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 
 from traction_node import run
-from traction_node.node import TractionNode
+from traction_node.behaviour import Behaviour
 
 
-class Idle(TractionNode):
+class Idle(Behaviour):
     NAME = 'idle'
 
 
@@ -29,7 +29,7 @@ class Raises(SingleThreadedExecutor):
 @pytest.fixture
 def node():
     rclpy.init(args=[])
-    node = Idle()
+    node = run.make_node(Idle)
     yield node
     node.destroy_node()
     rclpy.shutdown()

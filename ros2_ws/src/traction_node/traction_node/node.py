@@ -1,4 +1,4 @@
-"""Base classes of the suite's nodes: parameters, topics, diagnostics, lifecycle."""
+"""rclpy nodes that run a behaviour: parameters, topics, diagnostics, lifecycle."""
 
 import gc
 import math
@@ -25,7 +25,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
 
 from traction_node import diagnostic
-from traction_node.parameter import Parameter, ParameterError, resolve, unknown
+from traction_node.behaviour import Behaviour
+from traction_node.parameter import ParameterError, resolve, unknown
 from traction_node.topics import message_class, topic
 
 QOS = {
@@ -69,77 +70,66 @@ def descriptor(parameter):
     return result
 
 
-class _Suite:
-    """What both kinds of node have; mixed in before an rclpy node class."""
+class _HostNode:
+    """Host on rclpy; the two kinds of node below put it before their class of rclpy.
 
-    NAME = ''
-    PARAMETERS = ()
+    Parameters
+    ----------
+    behaviour : type
+        Subclass of `traction_node.behaviour.Behaviour`.
+    **kwargs
+        For `rclpy.node.Node`.
 
-    def __init__(self, **kwargs):
-        super().__init__(self.NAME, **kwargs)
+    Attributes
+    ----------
+    behaviour : traction_node.behaviour.Behaviour
+        Made with this node as its host.
+    p : types.SimpleNamespace
+        Values of its parameters.
+    active : bool
+        True from before `activate` to after `deactivate`.
+    finished : rclpy.task.Future
+        Done once the node is to end; its result is the reason.
+    """
+
+    def __init__(self, behaviour, **kwargs):
+        self.active = False
+        super().__init__(behaviour.NAME, **kwargs)
         self.finished = Future()
         self._entities = []
         self._diagnostic = diagnostic.Diagnostic()
         self._diagnostic_publisher = self._create_publisher('/diagnostics')
         self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(DIAGNOSTIC_PERIOD, self._report, clock=self._steady_clock)
-        self._table = {parameter.name: parameter for parameter in self.parameter_table()}
+        self._table = {row.name: row for row in behaviour.parameter_table()}
         overrides = {name: p.value for name, p in self._parameter_overrides.items()}
         values = resolve(self._table.values(), overrides, others=self._parameters)
         self.p = SimpleNamespace(**values)
+        # Nodes of tractor_io are still their own behaviour.
+        self.behaviour = self if isinstance(self, behaviour) else behaviour(self)
         self._check(self.p)
         for name, value in values.items():
             self.declare_parameter(
                 name, value, descriptor(self._table[name]), ignore_override=True
             )
 
-    def parameter_table(self):
-        """All parameters of the node, those of its base class included."""
-        return self.PARAMETERS
-
-    # Hooks
-
-    def check_parameters(self, p):
-        """Refuse a combination of parameters; each value by itself is already checked.
-
-        Parameters
-        ----------
-        p : types.SimpleNamespace
-            The values as they would be.
-
-        Raises
-        ------
-        ValueError
-            With the reason, if they do not fit together.
-        """
-
-    def parameters_changed(self, p, names):
-        """Take note of parameters that were set at run time.
-
-        Parameters
-        ----------
-        p : types.SimpleNamespace
-            The values, also at `self.p`.
-        names : set of str
-            Those that were set, be it to the value they had.
-        """
+    @property
+    def node(self):
+        """The rclpy node: this one."""
+        return self
 
     def finish(self, reason=''):
-        """End the process from within, say at the end of a bag.
-
-        Parameters
-        ----------
-        reason : str
-            What went wrong, printed in one line with exit status 1; empty for a regular end.
-        """
+        """End the process from within; see `traction_node.host.Host.finish`."""
         if not self.finished.done():
             self.finished.set_result(reason)
+        if self.executor is not None:
+            self.executor.wake()
 
     # Parameters
 
     def _check(self, p):
         try:
-            self.check_parameters(p)
+            self.behaviour.check_parameters(p)
         except ParameterError:
             raise
         except ValueError as error:
@@ -176,47 +166,27 @@ class _Suite:
             return SetParametersResult(successful=False, reason=str(error))
         if result.successful:
             self.p = p
-            self.parameters_changed(p, {new.name for new in parameter_list})
+            self.behaviour.parameters_changed(p, {new.name for new in parameter_list})
         return result
 
-    # Topics and timers
+    # Topics and timers: see `traction_node.host.Host`.
 
     def _create_publisher(self, name):
         row = topic(name)
         return Node.create_publisher(self, message_class(row.type), name, QOS[row.qos])
 
     def publisher(self, name):
-        """Publisher of one of the suite's topics, type and quality of service from its table.
-
-        Parameters
-        ----------
-        name : str
-            Name in `topics.yaml`; remapping and namespaces apply.
-        """
+        """Publisher of a topic."""
         publisher = self._create_publisher(name)
         self._entities.append((self.destroy_publisher, publisher))
         return publisher
 
     def message(self, name):
-        """New message of one of the suite's topics, all zero.
-
-        Parameters
-        ----------
-        name : str
-            As for `publisher`.
-        """
+        """New message of a topic, all fields zero or empty."""
         return message_class(topic(name).type)()
 
     def subscription(self, name, callback):
-        """Subscription to one of the suite's topics.
-
-        Parameters
-        ----------
-        name : str
-            As for `publisher`.
-        callback : callable
-            Called with each message.
-        """
+        """Subscribe to a topic."""
         row = topic(name)
         subscription = self.create_subscription(
             message_class(row.type), name, callback, QOS[row.qos]
@@ -224,39 +194,29 @@ class _Suite:
         self._entities.append((self.destroy_subscription, subscription))
         return subscription
 
-    def service(self, name, type_name, callback):
-        """Service of the node, such as `torque_gate/emergency_stop`.
+    def publisher_count(self, name):
+        """Number of publishers of a topic, in whatever process."""
+        return self.count_publishers(name)
 
-        Parameters
-        ----------
-        name : str
-            Name below that of the node, such as 'emergency_stop'.
-        type_name : str
-            Such as 'std_srvs/srv/SetBool'.
-        callback : callable
-            Called with request and response, gives the response.
-        """
+    def service(self, name, type_name, callback):
+        """Offer a service below the name of the node."""
         service = self.create_service(message_class(type_name), f'~/{name}', callback)
         self._entities.append((self.destroy_service, service))
         return service
 
     def steady_timer(self, period, callback):
-        """Timer that no simulated or stepped clock disturbs: for watchdogs.
-
-        Parameters
-        ----------
-        period : float
-            Period [s].
-        callback : callable
-            Called without arguments.
-        """
+        """Timer on the steady clock."""
         timer = self.create_timer(period, callback, clock=self._steady_clock)
         self._entities.append((self.destroy_timer, timer))
         return timer
 
     def steady_time(self):
-        """Time of the clock of `steady_timer` [s]."""
+        """Time of the steady clock, s."""
         return time.monotonic()
+
+    def now(self):
+        """ROS time, ns."""
+        return self.get_clock().now().nanoseconds
 
     def _destroy_entities(self, first=0):
         """Destroy what was created by the methods above, from the one numbered `first`."""
@@ -267,17 +227,7 @@ class _Suite:
     # Diagnostics
 
     def set_diagnostic(self, level, message, **values):
-        """Say how the node is; told at once if level or message are new, and once a second.
-
-        Parameters
-        ----------
-        level : int
-            `traction_node.diagnostic.OK`, `WARN`, `ERROR` or `STALE`.
-        message : str
-            One line for a person.
-        **values
-            Numbers and words behind it.
-        """
+        """Set the entry in `/diagnostics`, published once a second and when it is new."""
         if self._diagnostic.change(level, message, values):
             self._report()
 
@@ -299,85 +249,45 @@ class _Suite:
         self._diagnostic_publisher.publish(array)
 
 
-class TractionNode(_Suite, Node):
-    """A node that works from its start to its end: a simulator, a player, a recorder.
-
-    Class attributes
-    ----------------
-    NAME : str
-        Name of the node, unless remapped.
-    PARAMETERS : tuple of traction_node.parameter.Parameter
-        Its parameters.
-    """
-
-    def start(self):
-        """Hook: begin. Raise ValueError or OSError with a clear text to end the process."""
-
-    def stop(self):
-        """Hook: end; topics can still be published to."""
+class HostNode(_HostNode, Node):
+    """Node that works from its start to its end: a simulator, a player, a recorder."""
 
     def begin(self):
-        """Start the node; called by `traction_node.run`."""
-        self.start()
-
-    def end(self):
-        """Stop the node; called by `traction_node.run`."""
-        self.stop()
-
-
-class TractionLifecycleNode(_Suite, LifecycleNode):
-    """A node that acts on the vehicle, and therefore is configured and activated from outside.
-
-    Class attributes
-    ----------------
-    NAME, PARAMETERS
-        As for `TractionNode`. The parameter `autostart` is always there.
-
-    Attributes
-    ----------
-    active : bool
-        True from before `activate` to after `deactivate`.
-    """
-
-    AUTOSTART = Parameter(
-        'autostart', False, 'configure and activate at start, without being told', read_only=True
-    )
-
-    def __init__(self, **kwargs):
-        self.active = False
-        self._configured = 0
-        super().__init__(**kwargs)
-        self._diagnostic.message = 'unconfigured'
-        # rclpy lets a request for an impossible transition end the process: answer it instead.
-        self._change_state = self._service_change_state.callback
-        self._service_change_state.callback = self._answer_change_state
-
-    def parameter_table(self):
-        """All parameters of the node, `autostart` first."""
-        return (self.AUTOSTART, *self.PARAMETERS)
-
-    # Hooks
-
-    def configure(self):
-        """Hook: read parameters, build the core, create topics and timers.
+        """Configure and activate; called by `traction_node.run`.
 
         Raises
         ------
         ValueError, OSError
-            To refuse, with a clear text.
+            If the behaviour refuses.
         """
+        self.behaviour.configure()
+        self.active = True
+        self.behaviour.activate()
 
-    def activate(self):
-        """Hook: begin to act. May refuse like `configure`.
+    def end(self):
+        """Deactivate and clean up, as far as it began; called by `traction_node.run`.
 
-        Topics and timers created here live until the node is deactivated.
+        Raises
+        ------
+        ValueError, OSError
+            If what was begun cannot be completed, such as a file that is written.
         """
+        if self.active:
+            self.behaviour.deactivate()
+            self.active = False
+            self.behaviour.cleanup()
 
-    def deactivate(self):
-        """Hook: stop acting; topics can still be published to."""
 
-    def cleanup(self):
-        """Hook: forget what `configure` built. Topics and timers are destroyed afterwards."""
+class LifecycleHostNode(_HostNode, LifecycleNode):
+    """Node that acts on the vehicle, and therefore is configured and activated from outside."""
+
+    def __init__(self, behaviour, **kwargs):
+        self._configured = 0
+        super().__init__(behaviour, **kwargs)
+        self._diagnostic.message = 'unconfigured'
+        # rclpy lets a request for an impossible transition end the process: answer it instead.
+        self._change_state = self._service_change_state.callback
+        self._service_change_state.callback = self._answer_change_state
 
     # Transitions
 
@@ -388,7 +298,7 @@ class TractionLifecycleNode(_Suite, LifecycleNode):
         return self.create_lifecycle_publisher(message_class(row.type), name, QOS[row.qos])
 
     def publisher(self, name):
-        """As `TractionNode.publisher`; what it publishes is dropped unless the node is active."""
+        """Publisher of a topic; what it publishes is dropped unless the node is active."""
         publisher = self._create_publisher(name)
         if self.active:
             publisher.on_activate(None)
@@ -428,8 +338,8 @@ class TractionLifecycleNode(_Suite, LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def on_configure(self, state):
-        """Transition of rclpy; write the hook `configure` instead."""
-        result = self._call(self.configure)
+        """Transition of rclpy; calls the hook `configure`."""
+        result = self._call(self.behaviour.configure)
         if result == TransitionCallbackReturn.SUCCESS:
             self._configured = len(self._entities)
             self.set_diagnostic(diagnostic.OK, 'inactive')
@@ -438,11 +348,11 @@ class TractionLifecycleNode(_Suite, LifecycleNode):
         return result
 
     def on_activate(self, state):
-        """Transition of rclpy; write the hook `activate` instead."""
+        """Transition of rclpy; calls the hook `activate`."""
         super().on_activate(state)
         self.active = True
         self.set_diagnostic(diagnostic.OK, 'active')
-        result = self._call(self.activate)
+        result = self._call(self.behaviour.activate)
         if result != TransitionCallbackReturn.SUCCESS:
             self._leave_active(state)
             return result
@@ -455,8 +365,8 @@ class TractionLifecycleNode(_Suite, LifecycleNode):
         return result
 
     def on_deactivate(self, state):
-        """Transition of rclpy; write the hook `deactivate` instead."""
-        result = self._call(self.deactivate)
+        """Transition of rclpy; calls the hook `deactivate`."""
+        result = self._call(self.behaviour.deactivate)
         if result == TransitionCallbackReturn.SUCCESS:
             self._leave_active(state)
             self.set_diagnostic(diagnostic.OK, 'inactive')
@@ -470,8 +380,8 @@ class TractionLifecycleNode(_Suite, LifecycleNode):
         gc.unfreeze()
 
     def on_cleanup(self, state):
-        """Transition of rclpy; write the hook `cleanup` instead."""
-        result = self._call(self.cleanup)
+        """Transition of rclpy; calls the hook `cleanup`."""
+        result = self._call(self.behaviour.cleanup)
         if result == TransitionCallbackReturn.SUCCESS:
             self._destroy_entities()
             self.set_diagnostic(diagnostic.OK, 'unconfigured')
@@ -480,10 +390,10 @@ class TractionLifecycleNode(_Suite, LifecycleNode):
     def on_shutdown(self, state):
         """Transition of rclpy; goes through `deactivate` and `cleanup` as far as they are due."""
         if state.label == 'active':
-            self._call(self.deactivate)
+            self._call(self.behaviour.deactivate)
             self._leave_active(state)
         if state.label in ('active', 'inactive'):
-            self._call(self.cleanup)
+            self._call(self.behaviour.cleanup)
             self._destroy_entities()
         self.set_diagnostic(diagnostic.STALE, 'shut down')
         return TransitionCallbackReturn.SUCCESS
@@ -504,3 +414,41 @@ class TractionLifecycleNode(_Suite, LifecycleNode):
         """Shut down from whatever state; called by `traction_node.run`."""
         if self._state_machine.current_state[1] in ('unconfigured', 'inactive', 'active'):
             self.trigger_shutdown()
+
+
+class TractionNode(HostNode):
+    """Node that is its own behaviour, for the nodes of tractor_io."""
+
+    LIFECYCLE = False
+    parameter_table = classmethod(Behaviour.parameter_table.__func__)
+    check_parameters = Behaviour.check_parameters
+    parameters_changed = Behaviour.parameters_changed
+    activate = Behaviour.activate
+    cleanup = Behaviour.cleanup
+
+    def __init__(self, **kwargs):
+        super().__init__(type(self), **kwargs)
+
+    def configure(self):
+        """Start."""
+        self.start()
+
+    def deactivate(self):
+        """Stop."""
+        self.stop()
+
+
+class TractionLifecycleNode(LifecycleHostNode):
+    """Node that is its own behaviour, for the nodes of tractor_io."""
+
+    LIFECYCLE = True
+    parameter_table = classmethod(Behaviour.parameter_table.__func__)
+    check_parameters = Behaviour.check_parameters
+    parameters_changed = Behaviour.parameters_changed
+    configure = Behaviour.configure
+    activate = Behaviour.activate
+    deactivate = Behaviour.deactivate
+    cleanup = Behaviour.cleanup
+
+    def __init__(self, **kwargs):
+        super().__init__(type(self), **kwargs)

@@ -13,10 +13,12 @@ from rclpy.clock_type import ClockType
 from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
 
+from traction_node.node import HostNode, LifecycleHostNode
 from traction_node.transport import use_udp
 
 try:
@@ -140,13 +142,26 @@ def spin(executor, stop):
         pass
 
 
-def run(node_class, args=None):
-    """Make a node, spin it until it is told to end, and end it; for `console_scripts` entries.
+def make_node(behaviour):
+    """Node that runs a behaviour, by its `LIFECYCLE` one or the other kind.
 
     Parameters
     ----------
-    node_class : type
-        A `TractionNode` or `TractionLifecycleNode`, constructed without arguments.
+    behaviour : type
+        Subclass of `traction_node.behaviour.Behaviour`.
+    """
+    if issubclass(behaviour, Node):
+        return behaviour()
+    return (LifecycleHostNode if behaviour.LIFECYCLE else HostNode)(behaviour)
+
+
+def run(behaviour, args=None):
+    """Make a node of a behaviour, spin it until it is told to end, and end it.
+
+    Parameters
+    ----------
+    behaviour : type
+        Subclass of `traction_node.behaviour.Behaviour`.
     args : list of str, optional
         Command line with the programme's name, by default that of the process.
 
@@ -167,19 +182,25 @@ def run(node_class, args=None):
             extra = remove_ros_args(args)[1:]
             if extra:
                 raise ValueError(f'unknown argument "{extra[0]}"; give --ros-args -p NAME:=VALUE')
-            node = node_class()
+            node = make_node(behaviour)
             executor = executor_for(node)
             stop_on_signal(signals, executor, node.finished)
             node.begin()
         except (ValueError, OSError, ParameterException, RCLError) as error:
-            report(node_class, error)
+            report(behaviour, error)
             return BAD_INPUT
+        reason = ''
         try:
             spin(executor, node.finished)
         finally:
-            node.end()
+            try:
+                node.end()
+            except (ValueError, OSError) as error:
+                reason = error
         if node.finished.done() and node.finished.result():
-            report(node_class, node.finished.result())
+            reason = node.finished.result()
+        if reason:
+            report(behaviour, reason)
             return DEFECT
         return 0
     except Exception:
@@ -191,8 +212,8 @@ def run(node_class, args=None):
         rclpy.try_shutdown()
 
 
-def report(node_class, reason):
+def report(behaviour, reason):
     """Print in one line why a node does not run."""
     # rcl appends the places in its own source, which tell a user nothing.
     reason = re.sub(r', at \S+\.c:\d+', '', ' '.join(str(reason).split()))
-    print(f'{node_class.NAME}: {reason}', file=sys.stderr)
+    print(f'{behaviour.NAME}: {reason}', file=sys.stderr)

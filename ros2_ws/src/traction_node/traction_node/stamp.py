@@ -76,3 +76,16 @@ def to_stamp(stamp: Stamp, time: float) -> None:
     carry, nanosec = divmod(round((time - whole) * NANOSECONDS), NANOSECONDS)
     stamp.sec = whole + carry
     stamp.nanosec = nanosec
+
+
+def to_stamp_exact(stamp: Stamp, time: int) -> None:
+    """Set a message's stamp in place, exact.
+
+    Parameters
+    ----------
+    stamp : Stamp
+        Stamp to overwrite.
+    time : int
+        Time [ns], >= 0.
+    """
+    stamp.sec, stamp.nanosec = divmod(time, NANOSECONDS)

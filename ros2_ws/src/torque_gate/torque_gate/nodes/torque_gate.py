@@ -4,6 +4,7 @@ A behaviour runs in a ROS 2 process or in lock step, see `traction_evaluation.re
 """
 
 from torque_gate.gate import WATCHDOG_PERIOD, State, StopSource, TorqueGate
+from traction_node.behaviour import Behaviour
 from traction_node.diagnostic import ERROR, OK, WARN
 from traction_node.parameter import Parameter
 from traction_node.stamp import seconds
@@ -21,10 +22,11 @@ LEVELS = {
 }
 
 
-class TorqueGateBehaviour:
+class TorqueGateBehaviour(Behaviour):
     """Last node before the hardware; see `torque_gate.gate` for what it checks."""
 
     NAME = 'torque_gate'
+    LIFECYCLE = True
     PARAMETERS = (
         Parameter(
             'wheel_names',
@@ -95,21 +97,21 @@ class TorqueGateBehaviour:
 
     def configure(self):
         """Build the gate; measured torques are followed from here on."""
-        self._gate = _make_gate(self.p)
+        self._gate = _make_gate(self.host.p)
         for source in self._stopped_by:
             self._gate.emergency_stop(source, True)
-        self._output = self.message('wheel_torque')
-        self._output.name = list(self.p.wheel_names)
+        self._output = self.host.message('wheel_torque')
+        self._output.name = list(self.host.p.wheel_names)
         self._output.header.frame_id = 'base_link'
         self._output.effort = self._gate.output
         self._efforts = self._output.effort
         # None has come: zero.
-        self._newest_stamp = self.message('wheel_torque').header.stamp
-        self._publisher = self.publisher('wheel_torque')
-        self.subscription('wheel_states', self._measured)
-        self.subscription('wheel_torque_command', self._command)
-        self.subscription('emergency_stop', self._stop_by_topic)
-        self.service('emergency_stop', 'std_srvs/srv/SetBool', self._stop_by_service)
+        self._newest_stamp = self.host.message('wheel_torque').header.stamp
+        self._publisher = self.host.publisher('wheel_torque')
+        self.host.subscription('wheel_states', self._measured)
+        self.host.subscription('wheel_torque_command', self._command)
+        self.host.subscription('emergency_stop', self._stop_by_topic)
+        self.host.service('emergency_stop', 'std_srvs/srv/SetBool', self._stop_by_service)
         self._told_state = None
         self._told_level = OK
         self._told_at = 0.0
@@ -117,7 +119,7 @@ class TorqueGateBehaviour:
     def activate(self):
         """Begin to pass commands, and to put out the safe torque without them."""
         self._told_state = None
-        self.steady_timer(WATCHDOG_PERIOD, self._watch)
+        self.host.steady_timer(WATCHDOG_PERIOD, self._watch)
 
     def deactivate(self):
         """Leave the wheels at the safe torque."""
@@ -127,14 +129,14 @@ class TorqueGateBehaviour:
     def _measured(self, message):
         self._newest_stamp = message.header.stamp
         self._gate.measured(
-            self.steady_time(), seconds(message.header.stamp), message.name, message.effort
+            self.host.steady_time(), seconds(message.header.stamp), message.name, message.effort
         )
 
     def _command(self, message):
-        if not self.active:
+        if not self.host.active:
             return
         stamp = message.header.stamp
-        now = self.steady_time()
+        now = self.host.steady_time()
         if self._gate.command(now, seconds(stamp), message.name, message.effort):
             self._newest_stamp = stamp
             self._publish(stamp)
@@ -152,11 +154,11 @@ class TorqueGateBehaviour:
     def _stop(self, source, stop):
         self._gate.emergency_stop(source, stop)
         self._stopped_by = frozenset(self._gate.stopped_by)
-        if self.active:
+        if self.host.active:
             self._watch()
 
     def _watch(self):
-        now = self.steady_time()
+        now = self.host.steady_time()
         if self._gate.step(now):
             self._publish(self._newest_stamp)
         self._tell(now)
@@ -185,7 +187,7 @@ class TorqueGateBehaviour:
         )
         if worse or recovered or now - self._told_at >= TELL_PERIOD:
             self._told_state, self._told_level, self._told_at = gate.state, level, now
-            self.set_diagnostic(
+            self.host.set_diagnostic(
                 level,
                 gate.reason,
                 gate=gate.state.value,
@@ -203,3 +205,10 @@ def _make_gate(p):
         for values in (p.min_torque, p.max_torque, p.max_rate)
     ]
     return TorqueGate(p.wheel_names, *limits, p.timeout, p.release_time, p.safe_torque, p.max_age)
+
+
+def main():
+    """Run the node."""
+    from traction_node.run import run
+
+    return run(TorqueGateBehaviour)

@@ -25,6 +25,7 @@ from traction_model.definition import closest
 from traction_model.soil.soil import load_soil
 from traction_model.vehicle.vehicle import load_vehicle
 from traction_node import diagnostic
+from traction_node.behaviour import Behaviour
 from traction_node.joints import JointOrder
 from traction_node.parameter import Parameter
 from traction_node.stamp import between
@@ -54,10 +55,11 @@ def _names(kind):
     return tuple(member.name.lower() for member in kind)
 
 
-class SlipControllerBehaviour:
+class SlipControllerBehaviour(Behaviour):
     """Answers every slip estimate with a torque command for every wheel."""
 
     NAME = 'slip_controller'
+    LIFECYCLE = True
     PARAMETERS = (
         Parameter('vehicle', 'tractor_4wd', 'preset or path of a vehicle YAML', read_only=True),
         Parameter(
@@ -165,14 +167,14 @@ class SlipControllerBehaviour:
         if self._set_point is not None:
             self._set_point.set_weight(p.set_point_weight)
 
-    def __init__(self, **kwargs):
+    def __init__(self, host):
+        super().__init__(host)
         self._control = None
         self._set_point = None
-        super().__init__(**kwargs)
 
     def configure(self):
         """Make the control laws and build the messages."""
-        p = self.p
+        p = self.host.p
         vehicle = load_vehicle(p.vehicle)
         pi = {'response_time': p.pi_response_time}
         gains = {'proportional': p.pi_proportional, 'integral': p.pi_integral}
@@ -194,7 +196,7 @@ class SlipControllerBehaviour:
             except ValueError as error:
                 if p.law == 'lpv' or p.gain_table:
                     raise
-                self.get_logger().info(f'law lpv cannot be chosen: {error}')
+                self.host.get_logger().info(f'law lpv cannot be chosen: {error}')
         self._given = p.slip_target, TargetSource.PARAMETER
         self._control = SlipControl(
             vehicle,
@@ -239,21 +241,21 @@ class SlipControllerBehaviour:
                 'slip_estimate gross_traction',
             )
         }
-        self._publish_command = self.publisher('wheel_torque_command').publish
-        self._command = self.message('wheel_torque_command')
+        self._publish_command = self.host.publisher('wheel_torque_command').publish
+        self._command = self.host.message('wheel_torque_command')
         self._command.name = names
         self._command.header.frame_id = 'base_link'
-        self._publish_state = self.publisher('controller_state').publish
-        self._state = self.message('controller_state')
+        self._publish_state = self.host.publisher('controller_state').publish
+        self._state = self.host.message('controller_state')
         self._state.wheel_names = names
         self._state.header.frame_id = 'base_link'
         self._start_over()
-        self.subscription('slip_estimate', self._on_slip)
+        self.host.subscription('slip_estimate', self._on_slip)
         if self._set_point is not None:
-            self.subscription('terrain_estimate', self._on_terrain)
-        self.subscription('wheel_states', self._on_wheel_states)
-        self.subscription('torque_request', self._on_request)
-        self.subscription('slip_target', self._on_target)
+            self.host.subscription('terrain_estimate', self._on_terrain)
+        self.host.subscription('wheel_states', self._on_wheel_states)
+        self.host.subscription('torque_request', self._on_request)
+        self.host.subscription('slip_target', self._on_target)
 
     def cleanup(self):
         """Forget control laws and soil."""
@@ -279,7 +281,7 @@ class SlipControllerBehaviour:
     def activate(self):
         """Begin without memory of an earlier drive."""
         self._start_over()
-        self.set_diagnostic(diagnostic.WARN, 'waiting for slip_estimate')
+        self.host.set_diagnostic(diagnostic.WARN, 'waiting for slip_estimate')
 
     def _take(self, what, names, values):
         """Values in wheel order, or None with the reason in the diagnostics."""
@@ -293,7 +295,7 @@ class SlipControllerBehaviour:
 
     def _refuse(self, what, error):
         self._refused[what] = str(error)
-        self.set_diagnostic(diagnostic.ERROR, 'refused: ' + '; '.join(self._refused.values()))
+        self.host.set_diagnostic(diagnostic.ERROR, 'refused: ' + '; '.join(self._refused.values()))
 
     def _on_wheel_states(self, message):
         # No effort at all: a vehicle that does not measure it, which is no fault.
@@ -335,7 +337,7 @@ class SlipControllerBehaviour:
         request = self._take('torque_request effort', message.name, message.effort)
         if request is not None:
             self._request = request
-            self._request_steady = self.steady_time()
+            self._request_steady = self.host.steady_time()
 
     def _on_target(self, message):
         try:
@@ -346,7 +348,7 @@ class SlipControllerBehaviour:
             self._refused.pop('slip_target', None)
 
     def _on_slip(self, message):
-        if not self.active:
+        if not self.host.active:
             return
         control = self._control
         names = message.wheel_names
@@ -359,7 +361,7 @@ class SlipControllerBehaviour:
         dt = 0.0 if self._stamp is None else between(self._stamp, stamp)
         # After a gap no more than a few periods of integral action at once, and none where the
         # clock was set back.
-        dt = min(max(dt, 0.0), 5.0 / self.p.rate)
+        dt = min(max(dt, 0.0), 5.0 / self.host.p.rate)
         speed = message.ground_based_speed
         if not math.isfinite(speed):
             self._refuse('speed', f'slip_estimate ground_based_speed is {speed}')
@@ -374,7 +376,7 @@ class SlipControllerBehaviour:
         if len(message.slip_stiffness):
             stiffness = self._take('slip_estimate slip_stiffness', names, message.slip_stiffness)
             self._stiffness = stiffness or self._stiffness
-        silent = self.steady_time() - self._request_steady > self.p.request_timeout
+        silent = self.host.steady_time() - self._request_steady > self.host.p.request_timeout
         request = None if silent else self._request
         measured = message.source != Source.WHEEL
         deviations = None
@@ -429,18 +431,18 @@ class SlipControllerBehaviour:
     def _recent_torque(self, now):
         """Shaft torque, if it is not older than `torque_timeout` against now; else None."""
         torque = self._shaft_torque
-        if torque is None or abs(between(self._shaft_stamp, now)) > self.p.torque_timeout:
+        if torque is None or abs(between(self._shaft_stamp, now)) > self.host.p.torque_timeout:
             return None
         return torque
 
     def _report_control(self, request, outcomes):
-        mode = self.p.mode
+        mode = self.host.p.mode
         if any(outcome.exit_reason is ExitReason.FUNCTION_FAULT for outcome in outcomes):
             said = 'control law failed: no torque until activated anew'
-            self.set_diagnostic(diagnostic.ERROR, said, mode=mode)
+            self.host.set_diagnostic(diagnostic.ERROR, said, mode=mode)
         elif request is None:
             said = 'no torque_request: commanding no torque'
-            self.set_diagnostic(diagnostic.WARN, said, mode=mode)
+            self.host.set_diagnostic(diagnostic.WARN, said, mode=mode)
         else:
             missing = Degraded.NONE
             for outcome in outcomes:
@@ -448,4 +450,11 @@ class SlipControllerBehaviour:
             level, said = diagnostic.OK, 'controlling'
             if missing:
                 level, said = diagnostic.WARN, f'controlling {missing.words}'
-            self.set_diagnostic(level, said, mode=mode, target=self._control.slip_target)
+            self.host.set_diagnostic(level, said, mode=mode, target=self._control.slip_target)
+
+
+def main():
+    """Run the node."""
+    from traction_node.run import run
+
+    return run(SlipControllerBehaviour)

@@ -3,6 +3,7 @@
 A behaviour runs in a ROS 2 process or in lock step, see `traction_evaluation.replay.lockstep`.
 """
 
+import copy
 import math
 from dataclasses import fields
 
@@ -19,6 +20,7 @@ from traction_controller.estimation.slip_filter import EstimatorNoise, SlipEstim
 from traction_model.soil.soil import load_soil
 from traction_model.vehicle.vehicle import load_vehicle
 from traction_node import diagnostic
+from traction_node.behaviour import Behaviour
 from traction_node.joints import JointOrder
 from traction_node.parameter import Parameter
 from traction_node.stamp import between
@@ -35,10 +37,11 @@ def _rear_axle(vehicle):
     return min(vehicle.axles, key=lambda axle: axle.x).wheel_names
 
 
-class SlipEstimatorBehaviour:
+class SlipEstimatorBehaviour(Behaviour):
     """Publishes a slip estimate for every reading of the wheels."""
 
     NAME = 'slip_estimator'
+    LIFECYCLE = True
     PARAMETERS = (
         Parameter('vehicle', 'tractor_4wd', 'preset or path of a vehicle YAML', read_only=True),
         Parameter(
@@ -164,7 +167,7 @@ class SlipEstimatorBehaviour:
 
     def configure(self):
         """Build the estimator and its messages."""
-        p = self.p
+        p = self.host.p
         vehicle = load_vehicle(p.vehicle)
         noise = {f.name: getattr(p, f'noise_{f.name}') for f in fields(EstimatorNoise)}
         self._estimation = SlipEstimation(
@@ -196,25 +199,25 @@ class SlipEstimatorBehaviour:
         self._left, self._right = names.index(rear[0]), names.index(rear[-1])
         self._speeds = JointOrder(names, 'wheel_states velocity')
         self._torques = JointOrder(names, 'wheel_states effort')
-        self._publish_slip = self.publisher('slip_estimate').publish
-        self._slip = self.message('slip_estimate')
+        self._publish_slip = self.host.publisher('slip_estimate').publish
+        self._slip = self.host.message('slip_estimate')
         self._slip.wheel_names = names
         self._slip.header.frame_id = 'base_link'
-        self._publish_terrain = self.publisher('terrain_estimate').publish
-        self._terrain = self.message('terrain_estimate')
+        self._publish_terrain = self.host.publisher('terrain_estimate').publish
+        self._terrain = self.host.message('terrain_estimate')
         self._terrain.wheel_names = names
         self._terrain.header.frame_id = 'base_link'
-        self._publish_odometry = self.publisher('odometry').publish
-        self._odometry_message = self.message('odometry')
+        self._publish_odometry = self.host.publisher('odometry').publish
+        self._odometry_message = self.host.message('odometry')
         self._odometry_message.header.frame_id = 'odom'
         self._odometry_message.child_frame_id = 'base_link'
         self._pose_covariance = UNOBSERVED * np.eye(6)
         self._odometry = PathOdometry()
         self._start_over()
-        self.subscription('wheel_states', self._on_wheel_states)
-        self.subscription('radar', self._on_radar)
-        self.subscription('gnss_velocity', self._on_gnss_velocity)
-        self.subscription('gnss', self._on_gnss)
+        self.host.subscription('wheel_states', self._on_wheel_states)
+        self.host.subscription('radar', self._on_radar)
+        self.host.subscription('gnss_velocity', self._on_gnss_velocity)
+        self.host.subscription('gnss', self._on_gnss)
 
     def _start_over(self):
         """Estimate anew; the distance travelled so far and calibrated radii stay.
@@ -242,7 +245,7 @@ class SlipEstimatorBehaviour:
     def activate(self):
         """Begin with nothing known: the vehicle may have moved meanwhile."""
         self._start_over()
-        self.set_diagnostic(diagnostic.WARN, 'waiting for wheel_states')
+        self.host.set_diagnostic(diagnostic.WARN, 'waiting for wheel_states')
 
     def _time(self, stamp):
         """Seconds since the first reading; a clock that was set back starts everything over."""
@@ -251,17 +254,17 @@ class SlipEstimatorBehaviour:
             if t > self._newest - SlipEstimation.LONGEST_GAP:
                 self._newest = max(self._newest, t)
                 return t
-            self.get_logger().warning(
+            self.host.get_logger().warning(
                 f'time jumped back by {self._newest - t:.3f} s: estimating anew'
             )
             self._start_over()
             self._on_the_move = True
         # A copy: the message may be reused.
-        self._epoch = type(stamp)(sec=stamp.sec, nanosec=stamp.nanosec)
+        self._epoch = copy.copy(stamp)
         return 0.0
 
     def _on_wheel_states(self, message):
-        if not self.active:
+        if not self.host.active:
             return
         estimation = self._estimation
         try:
@@ -286,7 +289,7 @@ class SlipEstimatorBehaviour:
 
         if (
             estimation.source is not Source.WHEEL
-            or np.abs(estimation.rim_speed).max() < self.p.min_speed
+            or np.abs(estimation.rim_speed).max() < self.host.p.min_speed
         ):
             self._on_the_move = False
         slip = self._slip
@@ -308,11 +311,11 @@ class SlipEstimatorBehaviour:
         slip.time_to_immobilisation = self._immobilisation.time_left
         self._publish_slip(slip)
         if t >= self._terrain_due:
-            self._terrain_due = t + 1.0 / self.p.terrain_rate - 1e-6
+            self._terrain_due = t + 1.0 / self.host.p.terrain_rate - 1e-6
             self._send_terrain(message.header.stamp)
             self._report_health()
         if t >= self._odometry_due:
-            self._odometry_due = t + 1.0 / self.p.odometry_rate - 1e-6
+            self._odometry_due = t + 1.0 / self.host.p.odometry_rate - 1e-6
             self._send_odometry(message.header.stamp)
 
     def _travel(self, t):
@@ -328,10 +331,10 @@ class SlipEstimatorBehaviour:
             # A measured speed does not rest on the radii.
             variance = self._calibration.radius_variance / estimation.rolling_radius**2
             deviation = math.sqrt(variance.mean())
-        if self.p.track_width:
+        if self.host.p.track_width:
             rims = estimation.rim_speed
             self._yaw = axle_yaw_rate(
-                rims[self._left], rims[self._right], slip, self.p.track_width
+                rims[self._left], rims[self._right], slip, self.host.p.track_width
             )
         self._odometry.advance(
             t - before, estimation.v, estimation.v_variance, slip, deviation, *self._yaw
@@ -356,24 +359,24 @@ class SlipEstimatorBehaviour:
 
     def _calibrate(self):
         """Compute with the radii as they are known now."""
-        if self.p.calibrate_radius:
+        if self.host.p.calibrate_radius:
             radius = self._calibration.radius
             if not np.array_equal(radius, self._estimation.rolling_radius):
                 self._estimation.set_rolling_radius(radius)
 
     def _on_radar(self, message):
-        latency = self.p.radar_latency
+        latency = self.host.p.radar_latency
         self._on_speed('radar', self._estimation.radar, GroundSource.RADAR, latency, message)
 
     def _on_gnss_velocity(self, message):
-        latency = self.p.gnss_latency
+        latency = self.host.p.gnss_latency
         self._on_speed(
             'gnss_velocity', self._estimation.gnss, GroundSource.VELOCITY, latency, message
         )
 
     def _on_gnss(self, message):
         # As of a speed.
-        if not self.active or self._epoch is None:
+        if not self.host.active or self._epoch is None:
             return
         track, estimation = self._track, self._estimation
         position = message.pose.pose.position
@@ -391,7 +394,7 @@ class SlipEstimatorBehaviour:
             return
         self._refused.pop('gnss', None)
         self._believe('gnss', believed)
-        if self.p.calibrate_radius:
+        if self.host.p.calibrate_radius:
             self._calibration.fix(track)
             self._calibrate()
 
@@ -403,7 +406,7 @@ class SlipEstimatorBehaviour:
 
     def _on_speed(self, topic, take_in, source, latency, message):
         # Before the first wheel_states there is nothing that the speed could belong to.
-        if not self.active or self._epoch is None:
+        if not self.host.active or self._epoch is None:
             return
         twist = message.twist
         t = between(self._epoch, message.header.stamp)
@@ -415,11 +418,11 @@ class SlipEstimatorBehaviour:
             return
         self._refused.pop(topic, None)
         v = twist.twist.linear.x
-        if topic == 'radar' and abs(v) < self.p.radar_min_speed:
+        if topic == 'radar' and abs(v) < self.host.p.radar_min_speed:
             self._believe(topic, True)
             return
         self._believe(topic, believed)
-        if self.p.calibrate_radius:
+        if self.host.p.calibrate_radius:
             self._calibration.speed(source, t - latency, v)
             self._calibrate()
 
@@ -479,12 +482,19 @@ class SlipEstimatorBehaviour:
             level, said = diagnostic.WARN, 'radar silent: slip rests on shaft torque'
         else:
             level, said = diagnostic.OK, 'estimating'
-        self.set_diagnostic(
+        self.host.set_diagnostic(
             level,
             said,
             ground_speed=estimation.v,
             ground_speed_deviation=math.sqrt(estimation.v_variance),
             gnss_refused=self._track.refused,
-            radius_state=self._calibration.state.value if self.p.calibrate_radius else 'off',
+            radius_state=self._calibration.state.value if self.host.p.calibrate_radius else 'off',
             time_to_immobilisation=watch.time_left,
         )
+
+
+def main():
+    """Run the node."""
+    from traction_node.run import run
+
+    return run(SlipEstimatorBehaviour)

@@ -1,14 +1,12 @@
-"""Behaviours of nodes in lock step: no process, no clock, no middleware.
+"""Host of behaviours in lock step: no process, no clock, no middleware.
 
-A behaviour is what a lifecycle node of the suite does, without ROS: `SlipEstimatorBehaviour`,
-`SlipControllerBehaviour`, `TorqueGateBehaviour`. Mixed with `traction_node.node` it is a node,
-put into a `LockStep` it runs on the time of whoever calls. The same messages in the same order
-give the same bytes.
+The classes that `traction_node.run` makes ROS 2 nodes of run here on the time of whoever calls.
+The same messages in the same order give the same bytes.
 """
 
 import logging
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,7 +15,10 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys.store import Typestore
 
 from traction_node import diagnostic
+from traction_node.behaviour import Behaviour
+from traction_node.host import Logger
 from traction_node.parameter import resolve
+from traction_node.stamp import to_stamp_exact
 from traction_node.topics import topic
 
 _DTYPES: dict[str, np.dtype[Any]] = {
@@ -53,31 +54,31 @@ class LockStep:
         self._waiting: deque[tuple[str, Any]] = deque()
         self._timers: list[list[Any]] = []
 
-    def add(self, behaviour: type, overrides: Mapping[str, Any]) -> Any:
+    def add(self, behaviour: type[Behaviour], overrides: Mapping[str, Any]) -> 'LockStepHost':
         """Make, configure and activate a behaviour.
 
         Parameters
         ----------
         behaviour : type
-            Its class.
+            Subclass of `Behaviour`.
         overrides : mapping
             Parameters that differ from their defaults.
 
         Returns
         -------
-        object
-            The running behaviour.
+        LockStepHost
+            Host of the running behaviour.
 
         Raises
         ------
         ValueError
             If a parameter, or a combination of them, is refused.
         """
-        node = type(behaviour.__name__, (behaviour, _Host), {})(lockstep=self, overrides=overrides)
-        node.configure()
-        node.active = True
-        node.activate()
-        return node
+        host = LockStepHost(self, behaviour, overrides)
+        host.behaviour.configure()
+        host.active = True
+        host.behaviour.activate()
+        return host
 
     @property
     def inputs(self) -> set[str]:
@@ -128,6 +129,10 @@ class LockStep:
         """Call back with each message of a topic, in the order of subscribing."""
         self._subscribers.setdefault(name, []).append(callback)
 
+    def subscriber_count(self, name: str) -> int:
+        """Number of subscribers of a topic."""
+        return len(self._subscribers.get(name, ()))
+
     def timer(self, period: float, callback: Callable[[], None]) -> None:
         """Call back at a period, s, for the first time after one."""
         step = round(period * 1e9)
@@ -135,8 +140,11 @@ class LockStep:
 
     def message(self, type_name: str) -> SimpleNamespace:
         """A message of a type, all zero."""
-        fields = self._types.fielddefs[type_name][1]
-        return SimpleNamespace(**{name: self._zero(kind) for name, kind in fields})
+        constants, fields = self._types.fielddefs[type_name]
+        return SimpleNamespace(
+            **{name: value for name, _, value in constants},
+            **{name: self._zero(kind) for name, kind in fields},
+        )
 
     def _zero(self, kind: Any) -> Any:
         sort, payload = kind
@@ -174,60 +182,113 @@ class LockStep:
         return publish
 
 
-class _Host:
-    """What a behaviour finds in `traction_node.node.TractionLifecycleNode`, in lock step."""
+class LockStepPublisher:
+    """Publisher of a topic in lock step; see `traction_node.host.Publisher`.
 
-    NAME = ''
-    PARAMETERS: Sequence[Any] = ()
+    Parameters
+    ----------
+    publish : callable
+        Records a message and delivers it.
+    subscribers : callable
+        Returns the number of subscribers.
+    """
 
-    def __init__(self, lockstep: LockStep, overrides: Mapping[str, Any]):
+    def __init__(self, publish: Callable[[Any], None], subscribers: Callable[[], int]):
+        self.publish = publish
+        self.get_subscription_count = subscribers
+
+
+class LockStepHost:
+    """Host of one behaviour in lock step; see `traction_node.host.Host`.
+
+    Parameters
+    ----------
+    lockstep : LockStep
+        Topics and time.
+    behaviour : type
+        Subclass of `Behaviour`.
+    overrides : mapping
+        Parameters that differ from their defaults.
+
+    Attributes
+    ----------
+    behaviour : Behaviour
+        Made with this host.
+    p : types.SimpleNamespace
+        Values of its parameters.
+    active : bool
+        True from before it is activated.
+    finished : str or None
+        Reason with which it asked to end; None as long as it has not.
+    """
+
+    def __init__(
+        self, lockstep: LockStep, behaviour: type[Behaviour], overrides: Mapping[str, Any]
+    ):
         self._lockstep = lockstep
+        self._name = behaviour.NAME
         self.active = False
-        self.p = SimpleNamespace(**resolve(self.PARAMETERS, overrides))
-        self.check_parameters(self.p)
+        self.finished: str | None = None
         self._diagnostic = diagnostic.Diagnostic()
         self._publish_diagnostics = lockstep.publisher('/diagnostics')
+        self.p = SimpleNamespace(**resolve(behaviour.parameter_table(), overrides))
+        self.behaviour = behaviour(self)
+        self.behaviour.check_parameters(self.p)
 
     @property
     def said(self) -> str:
-        """What its diagnostics say now."""
+        """Message of its diagnostics now."""
         return self._diagnostic.message
 
-    def check_parameters(self, p: SimpleNamespace) -> None:
-        """As the hook of a node."""
-
-    def activate(self) -> None:
-        """As the hook of a node."""
-
     def message(self, name: str) -> SimpleNamespace:
+        """New message of a topic, all fields zero or empty."""
         return self._lockstep.message(topic(name).type)
 
-    def publisher(self, name: str) -> SimpleNamespace:
-        return SimpleNamespace(publish=self._lockstep.publisher(name))
+    def publisher(self, name: str) -> LockStepPublisher:
+        """Publisher of a topic."""
+        return LockStepPublisher(
+            self._lockstep.publisher(name), lambda: self._lockstep.subscriber_count(name)
+        )
 
     def subscription(self, name: str, callback: Callable[[Any], None]) -> None:
+        """Subscribe to a topic."""
         self._lockstep.subscribe(name, callback)
 
+    def publisher_count(self, name: str) -> int:
+        """Publishers of a topic: whoever puts messages in counts as one."""
+        return 1
+
     def service(self, name: str, type_name: str, callback: Callable[[Any, Any], Any]) -> None:
-        """Nobody calls in lock step."""
+        """Offer a service; nobody calls it in lock step."""
 
     def steady_timer(self, period: float, callback: Callable[[], None]) -> None:
+        """Timer on the time of the lock step."""
         self._lockstep.timer(period, callback)
 
     def steady_time(self) -> float:
+        """Time since the start of the lock step, s."""
         return (self._lockstep.now - self._lockstep.start) * 1e-9
 
-    def get_logger(self) -> logging.Logger:
-        return logging.getLogger(self.NAME)
+    def now(self) -> int:
+        """Time of the lock step, ns."""
+        return self._lockstep.now
+
+    def get_logger(self) -> Logger:
+        """Log of Python of the behaviour's name."""
+        return logging.getLogger(self._name)
+
+    def finish(self, reason: str = '') -> None:
+        """Note that the behaviour asked to end."""
+        self.finished = reason
 
     def set_diagnostic(self, level: int, message: str, **values: Any) -> None:
-        """Tell what is new; in lock step nobody joins late, so nothing is repeated."""
+        """Publish what is new; in lock step nobody joins late, so nothing is repeated."""
         if not self._diagnostic.change(level, message, values):
             return
         array = self._lockstep.message('diagnostic_msgs/msg/DiagnosticArray')
-        array.header.stamp.sec, array.header.stamp.nanosec = divmod(self._lockstep.now, 10**9)
+        to_stamp_exact(array.header.stamp, self._lockstep.now)
         status = self._lockstep.message('diagnostic_msgs/msg/DiagnosticStatus')
-        status.level, status.name, status.message = level, self.NAME, message
+        status.level, status.name, status.message = level, self._name, message
         for key, value in values.items():
             pair = self._lockstep.message('diagnostic_msgs/msg/KeyValue')
             pair.key, pair.value = key, diagnostic.text(value)

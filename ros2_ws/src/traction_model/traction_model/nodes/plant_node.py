@@ -1,13 +1,8 @@
 """The node `plant_node`: a simulated vehicle in place of the real one."""
 
 import math
-import time
 from collections import Counter
 
-from rclpy.qos import QoSProfile
-from rosgraph_msgs.msg import Clock
-
-from traction_interfaces.msg import SlipEstimate
 from traction_model.contact.contact import Form
 from traction_model.simulation.sensors import Radar, RadarModel, Tachometer
 from traction_model.simulation.simulate import Drawbar, Plant
@@ -15,18 +10,19 @@ from traction_model.soil.soil import load_soil
 from traction_model.soil.terrain import Terrain, load_terrain
 from traction_model.vehicle.vehicle import load_vehicle
 from traction_node import diagnostic
+from traction_node.behaviour import Behaviour
+from traction_node.host import RosHost
 from traction_node.joints import JointOrder
-from traction_node.node import TractionNode
 from traction_node.parameter import Parameter
-from traction_node.run import run
 from traction_node.stamp import seconds, to_stamp
-from traction_node.topics import message_class, topic
+from traction_node.topics import message_class
 
 
-class PlantNode(TractionNode):
+class PlantBehaviour(Behaviour):
     """Simulates the vehicle on its soil: torque in, sensor readings and ground truth out."""
 
     NAME = 'plant_node'
+    host: RosHost
     PARAMETERS = (
         Parameter('vehicle', 'tractor_4wd', 'preset or path of a vehicle YAML', read_only=True),
         Parameter(
@@ -159,9 +155,9 @@ class PlantNode(TractionNode):
             max_power=p.max_power or math.inf,
         )
 
-    def start(self):
+    def configure(self):
         """Build the plant and begin to simulate."""
-        p = self.p
+        p = self.host.p
         self._plant = self._build(p)
         names = self._plant.vehicle.wheel_names
         self._torques = JointOrder(names, 'wheel_torque effort')
@@ -176,13 +172,14 @@ class PlantNode(TractionNode):
         self._torque_steady = -math.inf
         self._answered = False
         self._refused = ''
+        self._over = False
 
         self._outputs = {}
         self._messages = {}
         for name in ('wheel_states', 'radar', 'ground_truth/slip_estimate',
                      'ground_truth/terrain_estimate', 'ground_truth/odometry'):  # fmt: skip
-            self._outputs[name] = self.publisher(name)
-            self._messages[name] = message_class(topic(name).type)()
+            self._outputs[name] = self.host.publisher(name)
+            self._messages[name] = self.host.message(name)
         self._messages['wheel_states'].name = list(names)
         self._messages['wheel_states'].header.frame_id = 'base_link'
         radar = self._messages['radar']
@@ -193,7 +190,7 @@ class PlantNode(TractionNode):
         truth.wheel_names = list(names)
         truth.slip_variance = [0.0] * len(names)
         truth.ground_based_speed_valid = True
-        truth.source = SlipEstimate.SOURCE_SIMULATED
+        truth.source = truth.SOURCE_SIMULATED
         truth.slip_stiffness = [math.nan] * len(names)
         truth.rolling_radius = [wheel.radius for wheel in self._plant.vehicle.wheels]
         truth.rolling_radius_variance = [0.0] * len(names)
@@ -211,71 +208,73 @@ class PlantNode(TractionNode):
 
         self._simulated_clock = p.real_time_factor != 1.0
         if self._simulated_clock:
-            self._clock_message = Clock()
-            self._clock_publisher = self.create_publisher(Clock, '/clock', QoSProfile(depth=1))
+            clock = message_class('rosgraph_msgs/msg/Clock')
+            self._clock_message = clock()
+            self._clock_publisher = self.host.node.create_publisher(clock, '/clock', 1)
             self._epoch = 0.0
         else:
-            self._epoch = self.get_clock().now().nanoseconds * 1e-9
-        self.subscription('wheel_torque', self._on_torque)
-        self._began = time.monotonic()
+            self._epoch = self.host.now() * 1e-9
+        self.host.subscription('wheel_torque', self._on_torque)
+        self._began = self.host.steady_time()
         self._publish()
         period = self._dt / p.real_time_factor if p.real_time_factor else 1e-3
-        self.steady_timer(period, self._tick)
-        self.set_diagnostic(diagnostic.OK, 'simulating', vehicle=p.vehicle, soil=p.soils[0])
+        self.host.steady_timer(period, self._tick)
+        self.host.set_diagnostic(diagnostic.OK, 'simulating', vehicle=p.vehicle, soil=p.soils[0])
 
     def _on_torque(self, message):
         try:
             self._torque = self._torques.values(message.name, message.effort)
         except ValueError as error:
             self._refused = str(error)
-            self.set_diagnostic(diagnostic.WARN, self._refused)
+            self.host.set_diagnostic(diagnostic.WARN, self._refused)
             return
         if self._refused:
             self._refused = ''
-            self.set_diagnostic(diagnostic.OK, 'simulating')
-        self._torque_steady = time.monotonic()
-        if self.p.real_time_factor == 0.0 and not self._answered:
+            self.host.set_diagnostic(diagnostic.OK, 'simulating')
+        self._torque_steady = self.host.steady_time()
+        if self.host.p.real_time_factor == 0.0 and not self._answered:
             self._answered = seconds(message.header.stamp) >= self._stamp - 1e-6
             if self._answered:
                 self._step()
 
     def _tick(self):
-        if self.p.real_time_factor:
-            due = (time.monotonic() - self._began) * self.p.real_time_factor
+        if self.host.p.real_time_factor:
+            due = (self.host.steady_time() - self._began) * self.host.p.real_time_factor
             # A late tick makes up for what it missed, a very late one only for some of it.
             for _ in range(10):
                 if self._plant.t + self._dt > due:
                     break
                 self._step()
             return
-        waited = time.monotonic() - self._stepped
-        if self.count_publishers('wheel_torque'):
+        waited = self.host.steady_time() - self._stepped
+        if self.host.publisher_count('wheel_torque'):
             # The step itself is made by the answer; without one, nothing drives any more.
-            if waited > self.p.torque_timeout:
+            if waited > self.host.p.torque_timeout:
                 self._step()
-        elif self._steps or waited > self.p.wait_for_torque:
+        elif self._steps or waited > self.host.p.wait_for_torque:
             # Nobody to wait for; back to the executor now and then.
-            until = time.monotonic() + 0.005
-            while time.monotonic() < until:
+            until = self.host.steady_time() + 0.005
+            while self.host.steady_time() < until:
                 self._step()
 
     def _step(self):
-        if self.finished.done():
+        if self._over:
             return
-        silent = time.monotonic() - self._torque_steady > self.p.torque_timeout
+        silent = self.host.steady_time() - self._torque_steady > self.host.p.torque_timeout
         torque = [0.0] * len(self._torque) if silent else self._torque
         self._plant.step(torque, self._dt)
         self._steps += 1
         self._publish()
-        if self.p.duration and self._plant.t >= self.p.duration - 1e-9:
-            self.finish()
+        if self.host.p.duration and self._plant.t >= self.host.p.duration - 1e-9:
+            self._over = True
+            self.host.finish()
 
     def _send(self, name, message):
         to_stamp(message.header.stamp, self._stamp)
         self._outputs[name].publish(message)
 
     def _publish(self):
-        plant, p = self._plant, self.p
+        plant, p = self._plant, self.host.p
         self._stamp = self._epoch + plant.t
         if self._simulated_clock:
             to_stamp(self._clock_message.clock, self._stamp)
@@ -314,7 +313,7 @@ class PlantNode(TractionNode):
         wheels.velocity = self._tachometer.read(plant.omega, self._dt).tolist()
         wheels.effort = plant.shaft_torque.tolist()
         self._answered = False
-        self._stepped = time.monotonic()
+        self._stepped = self.host.steady_time()
         self._send('wheel_states', wheels)
 
     def _due(self, name, rate):
@@ -323,11 +322,13 @@ class PlantNode(TractionNode):
         Its k-th time is k/rate of simulated time, so that the mean rate is exact even where
         its period is no multiple of the step.
         """
-        due = self._steps * rate >= (self._came_due[name] - 1e-6) * self.p.rate
+        due = self._steps * rate >= (self._came_due[name] - 1e-6) * self.host.p.rate
         self._came_due[name] += due
         return due
 
 
 def main():
     """Run the node."""
-    return run(PlantNode)
+    from traction_node.run import run
+
+    return run(PlantBehaviour)

@@ -1,13 +1,14 @@
 """The node `drive_cycle`: a driver who opens the throttle, in place of autonomy."""
 
+import copy
+
 from traction_node import diagnostic
-from traction_node.node import TractionNode
+from traction_node.behaviour import Behaviour
 from traction_node.parameter import Parameter
-from traction_node.run import run
 from traction_node.stamp import between
 
 
-class DriveCycleNode(TractionNode):
+class DriveCycleBehaviour(Behaviour):
     """Asks for torque that rises to a constant, once for every reading of the wheels.
 
     Its time is that of the stamps of `wheel_states`, so it drives alike at any speed of
@@ -34,37 +35,40 @@ class DriveCycleNode(TractionNode):
                 f'got {len(p.torque)}'
             )
 
-    def start(self):
+    def configure(self):
         """Publish the target and wait for the wheels to speak."""
         self._begin = None
-        self._request_publisher = self.publisher('torque_request')
-        self._request = self._request_publisher.msg_type(name=list(self.p.wheel_names))
+        self._request_publisher = self.host.publisher('torque_request')
+        self._request = self.host.message('torque_request')
+        self._request.name = list(self.host.p.wheel_names)
         self._request.header.frame_id = 'base_link'
-        target = self.publisher('slip_target')
-        target.publish(target.msg_type(data=self.p.slip_target))
-        self.subscription('wheel_states', self._on_wheel_states)
-        self.set_diagnostic(diagnostic.WARN, 'waiting for wheel_states')
+        target = self.host.message('slip_target')
+        target.data = self.host.p.slip_target
+        self.host.publisher('slip_target').publish(target)
+        self.host.subscription('wheel_states', self._on_wheel_states)
+        self.host.set_diagnostic(diagnostic.WARN, 'waiting for wheel_states')
 
     def _on_wheel_states(self, message):
-        stamp = message.header.stamp
+        p, stamp = self.host.p, message.header.stamp
         if self._begin is None:
             there = self._request_publisher.get_subscription_count()
-            if there < self.p.listeners:
-                self.set_diagnostic(
+            if there < p.listeners:
+                self.host.set_diagnostic(
                     diagnostic.WARN,
-                    f'waiting for {self.p.listeners} subscribers of torque_request, has {there}',
+                    f'waiting for {p.listeners} subscribers of torque_request, has {there}',
                 )
                 return
-            self._begin = type(stamp)(sec=stamp.sec, nanosec=stamp.nanosec)
-            self.set_diagnostic(diagnostic.OK, 'driving')
+            # A copy: the message may be reused.
+            self._begin = copy.copy(stamp)
+            self.host.set_diagnostic(diagnostic.OK, 'driving')
         elapsed = max(0.0, between(self._begin, stamp))
-        if self.p.duration and elapsed >= self.p.duration:
-            self.finish()
+        if p.duration and elapsed >= p.duration:
+            self.host.finish()
             return
-        share = min(1.0, elapsed / self.p.ramp) if self.p.ramp else 1.0
-        torque = self.p.torque
+        share = min(1.0, elapsed / p.ramp) if p.ramp else 1.0
+        torque = p.torque
         if len(torque) == 1:
-            torque *= len(self.p.wheel_names)
+            torque *= len(p.wheel_names)
         self._request.header.stamp = stamp
         self._request.effort = [share * value for value in torque]
         self._request_publisher.publish(self._request)
@@ -72,4 +76,6 @@ class DriveCycleNode(TractionNode):
 
 def main():
     """Run the node."""
-    return run(DriveCycleNode)
+    from traction_node.run import run
+
+    return run(DriveCycleBehaviour)

@@ -1,0 +1,1 @@
+"""Nodes: messages to the cores and back."""
