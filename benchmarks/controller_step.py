@@ -17,7 +17,8 @@ from traction_controller.control.driveline import Differential, Grouping
 from traction_controller.control.laws.law import LAWS
 from traction_controller.control.slip_control import SlipControl
 from traction_controller.synthesis.gain_table import read_gain_table
-from traction_model.simulation.simulate import Drawbar, Plant
+from traction_model.simulation.drawbar import Drawbar
+from traction_model.simulation.plant import Plant
 from traction_model.soil.soil import load_soil
 from traction_model.soil.terrain import Terrain
 from traction_model.vehicle.vehicle import load_vehicle

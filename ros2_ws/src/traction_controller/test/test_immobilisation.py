@@ -13,8 +13,9 @@ from traction_controller.estimation.immobilisation import (
 )
 from traction_controller.estimation.slip_filter import SlipEstimation
 from traction_evaluation.verification.chrono import CHRONO_RUNS
+from traction_model.simulation.drawbar import Drawbar
+from traction_model.simulation.plant import Plant
 from traction_model.simulation.sensors import Radar, RadarModel
-from traction_model.simulation.simulate import Drawbar, Plant
 from traction_model.soil.soil import load_soil
 from traction_model.soil.terrain import Terrain
 from traction_model.vehicle.vehicle import GRAVITY, load_vehicle

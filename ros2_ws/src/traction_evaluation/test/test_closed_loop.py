@@ -11,8 +11,9 @@ from traction_controller.estimation.slip_filter import SlipEstimation
 from traction_evaluation.closed_loop.closed_loop import DT, ClosedLoop, Drive, Sensors, Truth
 from traction_evaluation.closed_loop.scenario import SCENARIOS, run_scenario
 from traction_model.contact.contact import shear_deficit
+from traction_model.simulation.drawbar import Drawbar
+from traction_model.simulation.plant import Plant
 from traction_model.simulation.sensors import RadarModel
-from traction_model.simulation.simulate import Drawbar, Plant
 from traction_model.soil.soil import load_soil
 from traction_model.vehicle.vehicle import load_vehicle
 
@@ -120,7 +121,7 @@ def test_true_stiffness_is_the_slope_of_the_thrust_curve():
         slope = (thrust(tractor.slip[j] + 1e-6) - thrust(tractor.slip[j] - 1e-6)) / 2e-6
         assert truth.slip_stiffness[j] == pytest.approx(slope, rel=1e-4)
     # On a wheel in steady motion the soil turns against the shaft with its torque.
-    assert truth.gross_traction[2] * 0.85 == pytest.approx(tractor.forces[2, 3])
+    assert truth.gross_traction[2] * 0.85 == pytest.approx(tractor.soil_moment[2])
 
 
 def test_work_and_energy_by_hand():

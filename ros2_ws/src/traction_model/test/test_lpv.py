@@ -19,7 +19,10 @@ from traction_model.lpv.model import (
     wheel_speed,
 )
 from traction_model.lpv.representation import AffineModel, GridModel
-from traction_model.simulation.simulate import Drawbar, derivative, pack, simulate
+from traction_model.simulation.drawbar import Drawbar
+from traction_model.simulation.simulate import simulate
+from traction_model.simulation.vehicle_dynamics import derivative, pack
+from traction_model.simulation.wheel_forces import FORCE_COLUMNS, LOAD, UPWARD
 from traction_model.soil.empirical import Brixius
 from traction_model.soil.soil import Soil, load_soil, preset_soils
 from traction_model.vehicle.coupling import Coupling, constraint_matrix
@@ -274,8 +277,8 @@ def test_a_known_load_is_imposed_as_the_simulation_does(state, form):
         v, slip = random.uniform(0.2, 4), random.uniform(0.02, 0.6, n)
         omega = wheel_speed(v, slip, radii(of))
         given = np.array([random.uniform(0.02, 0.1, n), random.uniform(-0.05, 0.05, n), [0.0] * n])
-        torque, found = random.uniform(0, 3000, n), np.zeros((n, 7))
-        found[:, 0] = of.static_loads()
+        torque, found = random.uniform(0, 3000, n), np.zeros((n, FORCE_COLUMNS))
+        found[:, LOAD] = of.static_loads()
         start = np.concatenate([[v, 0.0], omega, np.zeros(2 * n)])
         torques, sinkages = np.stack([torque, torque]), np.stack([given, given])
         rates = np.empty_like(start)
@@ -290,7 +293,7 @@ def test_a_known_load_is_imposed_as_the_simulation_does(state, form):
             rim = radii(of) * np.array([omega, omega_rate])
             expected = [expected, *state_rates(state, v, rim[0], expected, rim[1])]
         point = model.at(
-            v, omega, given[0], SOILS['peat'], sinkage_rate=given[1], load=found[:, 5],
+            v, omega, given[0], SOILS['peat'], sinkage_rate=given[1], load=found[:, UPWARD],
             holding_force=held(of, v, 0.0),
         )  # fmt: skip
         assert lpv_rates(model, point, torque) == pytest.approx(expected, rel=1e-9, abs=1e-9)
@@ -485,9 +488,10 @@ def constrained_motion(model, form, soils, v, omega, z, torque, force):
     friction = np.array([wheel.viscous_friction for wheel in wheels])
     J = np.diag([wheel.inertia for wheel in wheels])
     matrix = np.block([[J, G.T], [G, np.zeros((k, k))]])
-    drive = torque - friction * omega - found[:, 3]
+    _, thrust, resistance, moment = found.T
+    drive = torque - friction * omega - moment
     solution = np.linalg.solve(matrix, np.concatenate([drive, np.zeros(k)]))
-    return (np.sum(found[:, 1] - found[:, 2]) - force) / of.mass, solution[:n]
+    return (np.sum(thrust - resistance) - force) / of.mass, solution[:n]
 
 
 @ALL_FORMS

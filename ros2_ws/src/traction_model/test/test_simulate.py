@@ -19,13 +19,10 @@ from traction_model.contact.contact import (
     equilibrium_sinkage,
     forces_at,
 )
-from traction_model.simulation.simulate import (
-    Drawbar,
-    Plant,
-    drawbar_force,
-    initial_state,
-    simulate,
-)
+from traction_model.simulation.drawbar import Drawbar, drawbar_force
+from traction_model.simulation.plant import Plant
+from traction_model.simulation.simulate import simulate
+from traction_model.simulation.vehicle_dynamics import initial_state
 from traction_model.soil.empirical import Burckhardt
 from traction_model.soil.soil import load_soil
 from traction_model.soil.terrain import Terrain
@@ -73,7 +70,8 @@ def tractor_motion(t, y, torque, soil, drawbar):
             for j in range(4)
         ]
     )
-    upward, net, moment = forces[:, 0], forces[:, 1] - forces[:, 2], forces[:, 3]
+    upward, thrust, resistance, moment = forces.T
+    net = thrust - resistance
     pull = min(1.0, max(-1.0, v / 0.05)) * min(1.0, t / drawbar.ramp)
     pull *= drawbar.pull + drawbar.pull_per_speed * abs(v)
     acceleration = (net.sum() - pull) / mass
@@ -245,9 +243,11 @@ def test_soil_under_the_left_wheels_alone():
     split, left, right = (
         Plant(TRACTOR, Terrain(soil), v0=2.0) for soil in ([(soft, LOAM)], soft, LOAM)
     )
-    # But for the first column: load transfer is the vehicle's.
-    assert split.forces[[0, 2], 1:] == pytest.approx(left.forces[[0, 2], 1:], rel=1e-9)
-    assert split.forces[[1, 3], 1:] == pytest.approx(right.forces[[1, 3], 1:], rel=1e-9)
+    # But for the load: load transfer is the vehicle's.
+    for name in ('thrust', 'motion_resistance', 'soil_moment', 'sinkage', 'upward_force'):
+        forces = getattr(split, name)
+        assert forces[[0, 2]] == pytest.approx(getattr(left, name)[[0, 2]], rel=1e-9)
+        assert forces[[1, 3]] == pytest.approx(getattr(right, name)[[1, 3]], rel=1e-9)
     assert split.max_shear_stress[0] < 0.8 * split.max_shear_stress[1]
     with pytest.raises(ValueError, match='soils are given for 2 tracks, the vehicle runs in 1'):
         Plant(RIG, Terrain([(soft, LOAM)]))
@@ -284,7 +284,7 @@ def test_drawbar_by_hand():
 
 def resistance_of(plant):
     """What holds a vehicle back besides the soil, N."""
-    soil = plant.gross_traction.sum() - (plant.forces[:, 1] - plant.forces[:, 2]).sum()
+    soil = plant.gross_traction.sum() - plant.net_traction.sum()
     return plant.external_resistance - soil
 
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from traction_model.definition import DefinitionError
-from traction_model.simulation.simulate import Drawbar, simulate
+from traction_model.simulation.drawbar import Drawbar
+from traction_model.simulation.simulate import simulate
 from traction_model.soil.soil import load_soil
 from traction_model.vehicle.vehicle import Axle, Vehicle, load_vehicle
 from traction_model.vehicle.wheel import Wheel

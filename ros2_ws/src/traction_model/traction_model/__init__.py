@@ -10,7 +10,9 @@ from traction_model.contact.tractive import (
 from traction_model.definition import DefinitionError
 from traction_model.lpv.model import LpvModel
 from traction_model.simulation.batch import Batch, simulate_batch
-from traction_model.simulation.simulate import Drawbar, Plant, Trajectory, simulate
+from traction_model.simulation.drawbar import Drawbar
+from traction_model.simulation.plant import Plant
+from traction_model.simulation.simulate import Trajectory, simulate
 from traction_model.soil.empirical import Brixius, Burckhardt, CurveFit, Pacejka, fit_curve
 from traction_model.soil.soil import Soil, load_soil, preset_soils, read_soils
 from traction_model.soil.terrain import Terrain, load_terrain

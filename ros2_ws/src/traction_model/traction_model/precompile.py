@@ -3,7 +3,8 @@
 from traction_model.contact.contact import Form
 from traction_model.contact.tractive import tractive_figures
 from traction_model.simulation.batch import simulate_batch
-from traction_model.simulation.simulate import Plant, simulate
+from traction_model.simulation.plant import Plant
+from traction_model.simulation.simulate import simulate
 from traction_model.soil.empirical import Brixius
 from traction_model.soil.soil import load_soil
 from traction_model.soil.terrain import Terrain

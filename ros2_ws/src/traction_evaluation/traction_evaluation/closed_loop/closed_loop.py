@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from traction_controller.control.slip_control import SlipControl
 from traction_controller.estimation.slip_filter import SlipEstimation, Source
 from traction_model.contact.contact import shear_deficit
+from traction_model.simulation.plant import Plant
 from traction_model.simulation.sensors import Radar, RadarModel, Tachometer
-from traction_model.simulation.simulate import Plant
 from traction_model.slip import slips
 from traction_model.soil.terrain import soil_row
 
@@ -149,7 +149,7 @@ class Truth:
         self.rim_speed = plant.rim_speed
         self.valid = np.array(plant.slip_valid)
         # What turns against the shaft, as an estimation finds thrust.
-        self.gross_traction = plant.forces[:, 3] / self._radii
+        self.gross_traction = plant.gross_traction
 
     @property
     def slip_stiffness(self) -> Array:
@@ -280,14 +280,13 @@ class ClosedLoop:
             )
             command = [outcome.torque for outcome in outcomes]
             target = self.control.slip_target
-        forces = plant.forces
         self._rows.append(
             [
                 t,
                 v,
                 plant.x,
                 seen.v,
-                float(forces[:, 1].sum() - forces[:, 2].sum()),
+                float(plant.net_traction.sum()),
                 float(shaft @ omega),
                 target,
                 *plant.rim_speed.tolist(),

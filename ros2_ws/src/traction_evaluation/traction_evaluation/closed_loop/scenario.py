@@ -13,8 +13,9 @@ import numpy as np
 from traction_controller.control.slip_control import SlipControl
 from traction_controller.estimation.slip_filter import SlipEstimation
 from traction_evaluation.closed_loop.closed_loop import DT, ClosedLoop, Drive, Sensors
+from traction_model.simulation.drawbar import Drawbar
+from traction_model.simulation.plant import Plant
 from traction_model.simulation.sensors import RadarModel
-from traction_model.simulation.simulate import Drawbar, Plant
 from traction_model.soil.soil import Soil, load_soil
 from traction_model.soil.terrain import Terrain
 from traction_model.vehicle.vehicle import Vehicle

@@ -32,8 +32,9 @@ from traction_controller.estimation.slip_filter import SlipEstimation
 from traction_evaluation.closed_loop.closed_loop import DT, ClosedLoop, Drive, Sensors
 from traction_model.contact.tractive import steady_contact
 from traction_model.distribution import Distribution
+from traction_model.simulation.drawbar import Drawbar
+from traction_model.simulation.plant import Plant
 from traction_model.simulation.sensors import RadarModel
-from traction_model.simulation.simulate import Drawbar, Plant
 from traction_model.soil.soil import Soil
 from traction_model.soil.terrain import STEEPEST, Terrain
 from traction_model.vehicle.vehicle import GRAVITY, Vehicle

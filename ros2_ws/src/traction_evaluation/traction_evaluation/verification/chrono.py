@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from traction_model.simulation.simulate import Drawbar
+from traction_model.simulation.drawbar import Drawbar
 from traction_model.slip import slips
 from traction_model.soil.soil import load_soil
 from traction_model.soil.terrain import Terrain

@@ -30,6 +30,7 @@ from traction_model.soil.soil import (
     DAMPING,
     ELASTIC_MODULUS,
     HUMP,
+    JANOSI_HANAMOTO,
     MODULUS,
     N_EXP,
     RESIDUAL,
@@ -37,6 +38,7 @@ from traction_model.soil.soil import (
     SHEAR_MEMORY,
     SHEAR_MODULUS,
     TAN_PHI,
+    WONG_PRESTON_THOMAS,
     Soil,
 )
 from traction_model.soil.terrain import soil_row
@@ -61,6 +63,10 @@ class Form(IntEnum):
     BEKKER_WONG = 1
     CONTACT = 2
     EMPIRICAL = 3
+
+
+# The same as the kernels are told.
+PAPER, BEKKER_WONG, CONTACT, EMPIRICAL = (int(form) for form in Form)
 
 
 def check_form(form: Form, soils: Iterable[Soil]) -> None:
@@ -148,9 +154,9 @@ def mobilised(y, law, residual, hump):
     float
         g, dimensionless, 0 to 1; by Wong and Preston-Thomas up to 1.08.
     """
-    if law == 0.0:
+    if law == JANOSI_HANAMOTO:
         return 1.0 - exponential(-y)
-    if law == 1.0:
+    if law == WONG_PRESTON_THOMAS:
         return residual * (1.0 + hump * math.exp(1.0 - y)) * (1.0 - math.exp(-y))
     fading = 2.0 * math.exp(-y) / (1.0 + math.exp(-2.0 * y))
     return residual * math.tanh(y) * (1.0 + hump * fading)
@@ -173,10 +179,10 @@ def mean_mobilised(y, soil):
         ``1 - kappa``, dimensionless, 0 to 1; by Wong and Preston-Thomas up to 1.08.
     """
     deficit = shear_deficit(y)
-    if soil[SHEAR_LAW] == 0.0:
+    if soil[SHEAR_LAW] == JANOSI_HANAMOTO:
         return 1.0 - deficit
     residual, hump = soil[RESIDUAL], soil[HUMP]
-    if soil[SHEAR_LAW] == 1.0:
+    if soil[SHEAR_LAW] == WONG_PRESTON_THOMAS:
         # Integral of (1 + H*e^(1-u))*(1 - e^-u).
         return residual * (1.0 - deficit + hump * math.e * (deficit - shear_deficit(2.0 * y)))
     if y < 1e-4:
@@ -247,13 +253,13 @@ def plate_contact(form, v, omega, z, z_rate, soil, radius, width, imposed):
     rolling = max(-1.0, min(1.0, v / MIN_TRANSIT_SPEED))
     rim = radius * omega
     slipping = slip_along_path(v, rim)
-    if form == 3:
+    if form == EMPIRICAL:
         gross, drag = curve_ratios(soil[CURVE:], slipping)
         backward, _ = curve_ratios(soil[CURVE:], -slipping)
         thrust = load * ((1.0 + rolling) * gross - (1.0 - rolling) * backward) / 2.0
         return load, thrust, rolling * load * drag, radius * thrust
     y = abs(slipping) * length / soil[SHEAR_MODULUS]
-    if form == 0:
+    if form == PAPER:
         share = 1.0 - min(1.0, 1.0 / y) if y > 0.0 else 0.0
     else:
         share = mean_mobilised(y, soil)
@@ -308,7 +314,7 @@ def stresses(loading, reloading, law, part, motion, soil, rebound):
         over the ground, m/s, and the shear displacement, m.
     motion : tuple of float
         z m, z' m/s, rim speed m/s, v m/s, r m, shear displacement per swept speed s, and
-        `shear_step` of `one_way` s.
+        `shear_step` of `arc_stresses` s.
     soil : tuple of float
         k, n, D, elastic modulus, residual ratio, hump, 1/K; SI units.
     rebound : tuple of float
@@ -372,7 +378,9 @@ def stresses(loading, reloading, law, part, motion, soil, rebound):
 
 
 @inlined
-def one_way(v, omega, z, z_rate, side, x, soils, starts, radius, width, depth, shear, shear_step):
+def arc_stresses(
+    v, omega, z, z_rate, side, x, soils, starts, radius, width, depth, shear, shear_step
+):
     """Stresses over the contact arc of a strip of wheel that meets soil at one side.
 
     Seen so that the wheel goes towards positive theta. Soil is entered where the rim meets its
@@ -454,21 +462,21 @@ def one_way(v, omega, z, z_rate, side, x, soils, starts, radius, width, depth, s
         before = shear * here[SHEAR_MEMORY]
         start = math.acos(max(0.0, 1.0 - (z - surface) / radius))
         leaving = max(-start, min(start, -math.atan(z_rate / transit)))
-        exit = leaving
+        rear_angle = leaving
         peak = 0.0
         if here[ELASTIC_MODULUS] < math.inf:
             deepest = z - radius * (1.0 - math.cos(leaving))
             peak = pressure(deepest, depth, surface, held, here)
             # The rim rises from its deepest place by r*(1 - cos(theta - leaving))/cos(leaving).
             rise = peak / here[ELASTIC_MODULUS] * math.cos(leaving) / radius
-            exit = max(leaving - math.acos(max(0.0, 1.0 - rise)), -math.pi / 2.0)
+            rear_angle = max(leaving - math.acos(max(0.0, 1.0 - rise)), -math.pi / 2.0)
         if front > rear:
             begins = (starts[row] - x) / radius
             ends = (starts[row + 1] - x) / radius if row < front else 1.0
             if side < 0.0:
                 begins, ends = -ends, -begins
             start = min(start, math.asin(max(-1.0, min(1.0, ends))))
-            exit = max(exit, math.asin(max(-1.0, min(1.0, begins))))
+            rear_angle = max(rear_angle, math.asin(max(-1.0, min(1.0, begins))))
         elastic_line = held / (depth - surface) if depth > surface else 0.0
         rebound = (surface, elastic_line, peak, leaving)
         stiffnesses = (
@@ -477,8 +485,8 @@ def one_way(v, omega, z, z_rate, side, x, soils, starts, radius, width, depth, s
         )  # fmt: skip
         # Antiderivative of the rim's speed over the ground, (rim*cos s - v)*cos s.
         swept = rim * (start + math.sin(start) * math.cos(start)) / 2.0 - v * math.sin(start)
-        while start > exit:
-            stop = exit
+        while start > rear_angle:
+            stop = rear_angle
             for place in (turning, -turning, yields, -yields, leaving):
                 if stop < place < start:
                     stop = place
@@ -490,14 +498,14 @@ def one_way(v, omega, z, z_rate, side, x, soils, starts, radius, width, depth, s
             reloading = z - radius * (1.0 - math.cos(middle)) < depth
             part = (middle, span, swept, before + displacement)
             # What is known beforehand leaves loops without branches, which are twice as quick.
-            if law != 0.0:
+            if law != JANOSI_HANAMOTO:
                 sums = stresses(loading, reloading, law, part, motion, stiffnesses, rebound)
             elif not loading:
-                sums = stresses(False, False, 0.0, part, motion, stiffnesses, rebound)
+                sums = stresses(False, False, JANOSI_HANAMOTO, part, motion, stiffnesses, rebound)
             elif reloading:
-                sums = stresses(True, True, 0.0, part, motion, stiffnesses, rebound)
+                sums = stresses(True, True, JANOSI_HANAMOTO, part, motion, stiffnesses, rebound)
             else:
-                sums = stresses(True, False, 0.0, part, motion, stiffnesses, rebound)
+                sums = stresses(True, False, JANOSI_HANAMOTO, part, motion, stiffnesses, rebound)
             load += sums[0]
             cohesion += direction * here[COHESION] * sums[1]
             friction += direction * here[TAN_PHI] * sums[2]
@@ -554,7 +562,7 @@ def arc_contact(
     imposed : float
         Load that the soil carries, N, or `FREE`.
     shear_step : float
-        See `one_way`, s.
+        See `arc_stresses`, s.
 
     Returns
     -------
@@ -591,7 +599,7 @@ def arc_contact(
                 continue
             if beside:
                 depth, shear = 0.0, 0.0
-            part = one_way(
+            part = arc_stresses(
                 side * v, side * omega, z, z_rate, side, x, soils, starts, radius, strip,
                 depth, shear, shear_step,
             )  # fmt: skip
@@ -651,7 +659,7 @@ def forces_at(
     imposed : float
         Load that the soil carries, N, or `FREE`.
     shear_step : float
-        See `one_way`, s.
+        See `arc_stresses`, s.
 
     Returns
     -------
@@ -660,7 +668,7 @@ def forces_at(
     shear : float
         Shear displacement of the soil as it is left, m.
     """
-    if form == 2:
+    if form == CONTACT:
         return arc_contact(
             v, omega, z, z_rate, x, soils, starts, radius, width, track, ruts, imposed, shear_step
         )

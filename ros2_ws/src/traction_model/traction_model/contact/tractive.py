@@ -206,13 +206,14 @@ def tractive_figures(
         for k, value in enumerate(slips.flat):
             if isinstance(ground, Curve):
                 pull, drag = curve_ratios(ground.packed(), value)
-                forces = pull * carried, pull * carried, (pull - drag) * carried
+                gross[k] += pull * carried
+                thrust[k] += pull * carried
+                net[k] += (pull - drag) * carried
             else:
                 _, push, drag, moment = steady_contact(ground, each, value, carried, form, speed)
-                forces = moment / each.radius, push, push - drag
-            gross[k] += forces[0]
-            thrust[k] += forces[1]
-            net[k] += forces[2]
+                gross[k] += moment / each.radius
+                thrust[k] += push
+                net[k] += push - drag
     return TractiveFigures(
         slips,
         sum(carried for _, carried in loaded),

@@ -1,7 +1,8 @@
 """LPV models of traction: matrices scheduled by what soil, slip and speed make of them.
 
-`LpvModel` has the vehicle's equations of motion (`traction_model.simulation.simulate`), sinkage
-given, as a linear model whose matrices depend on a scheduling vector rho and on nothing else:
+`LpvModel` has the vehicle's equations of motion (`traction_model.simulation.vehicle_dynamics`),
+sinkage given, as a linear model whose matrices depend on a scheduling vector rho and on nothing
+else:
 
     x' = A(rho)*x + B(rho)*u + B_uc(rho)*u_uc,   y = C*x + D*u
 

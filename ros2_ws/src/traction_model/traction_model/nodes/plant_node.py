@@ -4,8 +4,9 @@ import math
 from collections import Counter
 
 from traction_model.contact.contact import Form
+from traction_model.simulation.drawbar import Drawbar
+from traction_model.simulation.plant import Plant
 from traction_model.simulation.sensors import Radar, RadarModel, Tachometer
-from traction_model.simulation.simulate import Drawbar, Plant
 from traction_model.soil.soil import load_soil
 from traction_model.soil.terrain import Terrain, load_terrain
 from traction_model.vehicle.vehicle import load_vehicle

@@ -6,117 +6,40 @@ Every run is what `traction_model.simulation.simulate.simulate` makes of it, by 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from traction_model.contact.contact import Form
-from traction_model.kernel import OPTIONS, lean_kernel
-from traction_model.simulation.simulate import (
+from traction_model.kernel import OPTIONS
+from traction_model.simulation.drawbar import Drawbar
+from traction_model.simulation.runs import Runs, run_one
+from traction_model.simulation.vehicle_dynamics import (
     DISTANCE,
     FIRST_WHEEL,
     SPEED,
-    Drawbar,
     Model,
     initial_state,
-    integrate,
     pack,
 )
+from traction_model.simulation.wheel_forces import (
+    FORCE_COLUMNS,
+    LOAD,
+    MOMENT,
+    RESISTANCE,
+    SINKAGE,
+    THRUST,
+)
 from traction_model.slip import slips
-from traction_model.soil.rut import Ruts, fresh_ruts
+from traction_model.soil.rut import fresh_ruts
 from traction_model.soil.soil import Soil
 from traction_model.soil.terrain import Terrain
 from traction_model.vehicle.vehicle import Vehicle
-from traction_model.vehicle.wheel import STATIC_LOAD, TRACK
+from traction_model.vehicle.wheel import RADIUS, STATIC_LOAD, TRACK
 
 Array = NDArray[np.float64]
-
-
-class Runs(NamedTuple):
-    """All runs, packed for the kernels; b runs, n wheels, k soils, m samples kept.
-
-    Attributes
-    ----------
-    form, mode : int
-        As in `Model`.
-    wheels : ndarray, shape (b, n, 7)
-        SI units, as in `Model`; so are the next.
-    spread : ndarray, shape (b, n, 2)
-        Dimensionless and 1/m.
-    soils : ndarray, shape (b, n, k, 17)
-        SI units.
-    starts, grades : ndarray, shape (b, k)
-        m, rad.
-    numbers : ndarray, shape (b, 9)
-        The floats of `Model` from `mass` on, SI units.
-    depth, shear, rut_width : ndarray, shape (b, tracks, cells)
-        As in `Ruts`, m.
-    newest : ndarray, shape (b, tracks)
-        Number of the foremost cell, as in `Ruts`.
-    y : ndarray, shape (b, 2 + 3n)
-        States, SI units, as in `traction_model.simulation.simulate.derivative`.
-    forces : ndarray, shape (b, n, 7)
-        Forces, SI units, as there.
-    work : ndarray, shape (b, 3, 2 + 3n)
-        Room to work in, SI units.
-    torque : ndarray, shape (b or 1, samples, n)
-        N*m; one for all, or one a run.
-    given : ndarray, shape (2, 3, n)
-        Stands for given sinkage, m, which batches do not take.
-    """
-
-    form: int
-    mode: int
-    wheels: Array
-    spread: Array
-    soils: Array
-    starts: Array
-    grades: Array
-    numbers: Array
-    depth: Array
-    shear: Array
-    rut_width: Array
-    newest: NDArray[np.int64]
-    y: Array
-    forces: Array
-    work: Array
-    torque: Array
-    given: Array
-
-
-@lean_kernel
-def run_one(b, dt, every, runs, states, logged):
-    """Integrate one run of many.
-
-    Parameters
-    ----------
-    b : int
-        Which.
-    dt : float
-        Time between samples of torque, s.
-    every : int
-        Of how many samples one is kept.
-    runs : Runs
-        All of them, SI units; states, ruts and forces are changed in place.
-    states : ndarray, shape (b, m, 2 + 3n)
-        Out: states at the samples kept, SI units.
-    logged : ndarray, shape (b, m, n, 7)
-        Out: forces at the samples kept, SI units.
-    """
-    numbers = runs.numbers[b]
-    model = Model(
-        runs.form, runs.mode, runs.wheels[b], runs.spread[b], runs.soils[b], runs.starts[b],
-        runs.grades[b], numbers[0], numbers[1], numbers[2], numbers[3], numbers[4], numbers[5],
-        numbers[6], numbers[7], numbers[8],
-    )  # fmt: skip
-    ruts = Ruts(runs.depth[b], runs.shear[b], runs.rut_width[b], runs.newest[b])
-    torque = runs.torque[b if runs.torque.shape[0] > 1 else 0]
-    integrate(
-        0.0, dt, runs.y[b], torque, runs.given, model, ruts, runs.forces[b], runs.work[b], every,
-        states[b], logged[b], runs.wheels.shape[1], runs.form, runs.mode,
-    )  # fmt: skip
 
 
 @numba.njit(parallel=True, **OPTIONS)
@@ -228,7 +151,7 @@ def simulate_batch(
     count, size = runs.y.shape
     n = runs.wheels.shape[1]
     states = np.empty((count, kept, size))
-    forces = np.empty((count, kept, n, 7))
+    forces = np.empty((count, kept, n, FORCE_COLUMNS))
     if device == 'cpu':
         _run_all(dt, every, runs, states, forces)
     elif device == 'gpu':
@@ -239,7 +162,7 @@ def simulate_batch(
     else:
         raise ValueError(f"device must be 'cpu' or 'gpu', got {device!r}")
     omega = states[:, :, FIRST_WHEEL : FIRST_WHEEL + n]
-    rims = omega * runs.wheels[:, None, :, 0]
+    rims = omega * runs.wheels[:, None, :, RADIUS]
     speed = states[:, :, SPEED]
     return Batch(
         t=dt * every * np.arange(float(kept)),
@@ -247,11 +170,11 @@ def simulate_batch(
         x=states[:, :, DISTANCE],
         omega=omega,
         slip=slips(speed.reshape(-1), rims.reshape(-1, n)).reshape(rims.shape),
-        sinkage=forces[:, :, :, 4],
-        load=forces[:, :, :, 0],
-        thrust=forces[:, :, :, 1],
-        resistance=forces[:, :, :, 2],
-        moment=forces[:, :, :, 3],
+        sinkage=forces[:, :, :, SINKAGE],
+        load=forces[:, :, :, LOAD],
+        thrust=forces[:, :, :, THRUST],
+        resistance=forces[:, :, :, RESISTANCE],
+        moment=forces[:, :, :, MOMENT],
     )
 
 
@@ -323,9 +246,9 @@ def _packed(
         states.append(state)
         ruts.append(float(np.ptp(vehicle.wheel_positions)))
     wheels = np.array([model.wheels for model in models])
-    forces = np.zeros((count, n, 7))
-    forces[:, :, 0] = wheels[:, :, STATIC_LOAD]
-    forces[:, :, 4] = np.array(states)[:, FIRST_WHEEL + n : FIRST_WHEEL + 2 * n]
+    forces = np.zeros((count, n, FORCE_COLUMNS))
+    forces[:, :, LOAD] = wheels[:, :, STATIC_LOAD]
+    forces[:, :, SINKAGE] = np.array(states)[:, FIRST_WHEEL + n : FIRST_WHEEL + 2 * n]
     # Only the contact form knows ruts.
     tracks = int(wheels[:, :, TRACK].max()) + 1 if form == Form.CONTACT else 0
     fresh = fresh_ruts(tracks, max(ruts))
@@ -334,7 +257,7 @@ def _packed(
         form=int(form),
         mode=models[0].mode,
         wheels=wheels,
-        spread=np.array([model.spread for model in models]),
+        load_distribution=np.array([model.load_distribution for model in models]),
         soils=np.array([_lengthened(model.soils, soils, 1) for model in models]),
         starts=np.array([_lengthened(model.starts, soils, 0, math.inf) for model in models]),
         grades=np.array([_lengthened(model.grades, soils, 0) for model in models]),

@@ -7,7 +7,7 @@ import numpy as np
 from numba import cuda
 from numpy.typing import NDArray
 
-from traction_model.simulation.batch import Runs, run_one
+from traction_model.simulation.runs import Runs, run_one
 
 THREADS = 64
 """Runs per block: each takes many registers."""

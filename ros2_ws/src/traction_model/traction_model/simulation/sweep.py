@@ -17,7 +17,8 @@ from scipy.stats import qmc
 
 from traction_model.definition import Definition, DefinitionError, build, closest, read_yaml
 from traction_model.distribution import Distribution
-from traction_model.simulation.simulate import Drawbar, Trajectory, drawbar_force, simulate
+from traction_model.simulation.drawbar import Drawbar, drawbar_force
+from traction_model.simulation.simulate import Trajectory, simulate
 from traction_model.slip import MIN_SPEED
 from traction_model.soil.soil import Soil, load_soil
 from traction_model.soil.terrain import STEEPEST, Terrain
@@ -218,7 +219,7 @@ def _per_wheel(key: str, torques: tuple[float, ...], wheels: int) -> Array:
 
 
 class Draft(Definition):
-    """Draft of an implement, as `traction_model.simulation.simulate.Drawbar` takes it.
+    """Draft of an implement, as `traction_model.simulation.drawbar.Drawbar` takes it.
 
     Attributes
     ----------

@@ -47,6 +47,10 @@ class Law(IntEnum):
     PACEJKA = 2
 
 
+# The same as the kernels are told.
+BRIXIUS, BURCKHARDT, PACEJKA = (int(law) for law in Law)
+
+
 @inlined
 def curve_ratios(curve, slip):
     """Gross traction and motion resistance of one wheel, both over its load.
@@ -67,11 +71,11 @@ def curve_ratios(curve, slip):
     """
     size = abs(slip)
     sign = 1.0 if slip >= 0.0 else -1.0
-    if curve[LAW] == 0.0:
+    if curve[LAW] == BRIXIUS:
         mobility = curve[FIRST]
         rise = 0.88 * math.expm1(-0.1 * mobility) * math.expm1(-7.5 * size)
         return sign * rise + 0.04, 1.0 / mobility + 0.04 + 0.5 * size / math.sqrt(mobility)
-    if curve[LAW] == 1.0:
+    if curve[LAW] == BURCKHARDT:
         gross = -curve[FIRST] * math.expm1(-curve[SECOND] * size) - curve[THIRD] * size
     else:
         x = curve[FIRST] * size

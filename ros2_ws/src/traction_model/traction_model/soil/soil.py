@@ -28,7 +28,12 @@ SOIL_COLUMNS = CURVE + CURVE_COLUMNS
 PressureLaw = Literal['bekker', 'bernstein', 'reece']
 ShearLaw = Literal['janosi_hanamoto', 'wong_preston_thomas', 'kacigin_guskov']
 # As the kernels are told.
-SHEAR_LAWS = {'janosi_hanamoto': 0, 'wong_preston_thomas': 1, 'kacigin_guskov': 2}
+JANOSI_HANAMOTO, WONG_PRESTON_THOMAS, KACIGIN_GUSKOV = range(3)
+SHEAR_LAWS = {
+    'janosi_hanamoto': JANOSI_HANAMOTO,
+    'wong_preston_thomas': WONG_PRESTON_THOMAS,
+    'kacigin_guskov': KACIGIN_GUSKOV,
+}
 
 
 class Soil(Definition):

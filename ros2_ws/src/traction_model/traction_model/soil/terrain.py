@@ -205,3 +205,19 @@ def soil_row(x, starts):
         else:
             high = middle
     return low
+
+
+def as_terrain(ground: Terrain | Soil) -> Terrain:
+    """Terrain of one soil, or the terrain itself.
+
+    Parameters
+    ----------
+    ground : Terrain or Soil
+        What is driven on, SI units.
+
+    Returns
+    -------
+    Terrain
+        The same, SI units.
+    """
+    return Terrain(ground) if isinstance(ground, Soil) else ground
