@@ -7,7 +7,7 @@ from std_msgs.msg import Float64
 
 from traction_node import diagnostic
 from traction_node.behaviour import Behaviour
-from traction_node.parameter import Parameter
+from traction_node.parameter import NodeParameter
 from traction_node.run import run
 
 # As numerical libraries do on import: a thread that may be the one to receive a signal.
@@ -20,12 +20,45 @@ class Sample(Behaviour):
     NAME = 'sample'
     LIFECYCLE = True
     PARAMETERS = (
-        Parameter('slip', 0.2, 'slip to publish', minimum=0.0, maximum=1.0),
-        Parameter('slip_max', 0.5, 'largest slip', minimum=0.0, maximum=1.0),
-        Parameter('mode', 'limit', 'what to do', choices=('limit', 'hold')),
-        Parameter('wheel_names', ['left', 'right'], 'wheels', read_only=True),
-        Parameter('radius', [0.5, 0.5], 'rolling radii', unit='m', minimum=0.1, maximum=2.0),
-        Parameter('fail_in', '', 'hook that shall fail'),
+        NodeParameter(
+            'slip',
+            default=0.2,
+            description='slip to publish',
+            minimum=0.0,
+            maximum=1.0,
+        ),
+        NodeParameter(
+            'slip_max',
+            default=0.5,
+            description='largest slip',
+            minimum=0.0,
+            maximum=1.0,
+        ),
+        NodeParameter(
+            'mode',
+            default='limit',
+            description='what to do',
+            choices=('limit', 'hold'),
+        ),
+        NodeParameter(
+            'wheel_names',
+            default=['left', 'right'],
+            description='wheels',
+            read_only=True,
+        ),
+        NodeParameter(
+            'radius',
+            default=[0.5, 0.5],
+            description='rolling radii',
+            unit='m',
+            minimum=0.1,
+            maximum=2.0,
+        ),
+        NodeParameter(
+            'fail_in',
+            default='',
+            description='hook that shall fail',
+        ),
     )
 
     def check_parameters(self, p):
@@ -66,8 +99,17 @@ class Ticker(Behaviour):
 
     NAME = 'ticker'
     PARAMETERS = (
-        Parameter('ticks', 3, 'ticks to count', minimum=1),
-        Parameter('complaint', '', 'reason to end with'),
+        NodeParameter(
+            'ticks',
+            default=3,
+            description='ticks to count',
+            minimum=1,
+        ),
+        NodeParameter(
+            'complaint',
+            default='',
+            description='reason to end with',
+        ),
     )
 
     def configure(self):

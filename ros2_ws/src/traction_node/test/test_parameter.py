@@ -4,14 +4,45 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from traction_node.parameter import Parameter, ParameterError, resolve
+from traction_node.parameter import NodeParameter, ParameterError, resolve
 
-TORQUE = Parameter('torque_max', 800.0, 'limit', unit='N*m', minimum=0.0, maximum=5000.0)
-WHEELS = Parameter('wheel_names', ['left', 'right'], 'wheels')
-RADII = Parameter('radius', [0.5, 0.6], 'radii', unit='m', minimum=0.1)
-MODE = Parameter('mode', 'limit', 'mode', choices=('limit', 'hold'))
-COUNT = Parameter('count', 3, 'number of wheels', minimum=1)
-SWITCH = Parameter('autostart', False, 'start')
+TORQUE = NodeParameter(
+    'torque_max',
+    default=800.0,
+    description='limit',
+    unit='N·m',
+    minimum=0.0,
+    maximum=5000.0,
+)
+WHEELS = NodeParameter(
+    'wheel_names',
+    default=['left', 'right'],
+    description='wheels',
+)
+RADII = NodeParameter(
+    'radius',
+    default=[0.5, 0.6],
+    description='radii',
+    unit='m',
+    minimum=0.1,
+)
+MODE = NodeParameter(
+    'mode',
+    default='limit',
+    description='mode',
+    choices=('limit', 'hold'),
+)
+COUNT = NodeParameter(
+    'count',
+    default=3,
+    description='number of wheels',
+    minimum=1,
+)
+SWITCH = NodeParameter(
+    'autostart',
+    default=False,
+    description='start',
+)
 
 
 def test_integer_for_a_number_becomes_a_float():
@@ -29,13 +60,13 @@ def test_lists_become_tuples_of_the_right_type():
 @pytest.mark.parametrize(
     ('parameter', 'value', 'reason'),
     [
-        (TORQUE, 5000.1, 'parameter "torque_max" = 5000.1 N*m is out of range: 0 .. 5000 N*m'),
-        (TORQUE, -1, 'parameter "torque_max" = -1 N*m is out of range: 0 .. 5000 N*m'),
-        (TORQUE, float('nan'), 'parameter "torque_max" = nan N*m is not finite'),
-        (TORQUE, float('inf'), 'parameter "torque_max" = inf N*m is not finite'),
-        (TORQUE, 'high', 'parameter "torque_max" = \'high\' should be a number in N*m'),
-        (TORQUE, True, 'parameter "torque_max" = True should be a number in N*m'),
-        (TORQUE, None, 'parameter "torque_max" = None should be a number in N*m'),
+        (TORQUE, 5000.1, 'parameter "torque_max" = 5000.1 N·m is out of range: 0 .. 5000 N·m'),
+        (TORQUE, -1, 'parameter "torque_max" = -1 N·m is out of range: 0 .. 5000 N·m'),
+        (TORQUE, float('nan'), 'parameter "torque_max" = nan N·m is not finite'),
+        (TORQUE, float('inf'), 'parameter "torque_max" = inf N·m is not finite'),
+        (TORQUE, 'high', 'parameter "torque_max" = \'high\' should be a number in N·m'),
+        (TORQUE, True, 'parameter "torque_max" = True should be a number in N·m'),
+        (TORQUE, None, 'parameter "torque_max" = None should be a number in N·m'),
         (COUNT, 0, 'parameter "count" = 0 is out of range: at least 1'),
         (COUNT, 2.0, 'parameter "count" = 2.0 should be an integer'),
         (COUNT, True, 'parameter "count" = True should be an integer'),
@@ -65,9 +96,18 @@ def test_whatever_is_accepted_is_a_float_in_range(value):
 
 def test_default_must_keep_to_its_own_rules():
     with pytest.raises(ParameterError, match='out of range'):
-        Parameter('slip', 1.5, 'slip', maximum=1.0)
+        NodeParameter(
+            'slip',
+            default=1.5,
+            description='slip',
+            maximum=1.0,
+        )
     with pytest.raises(ParameterError, match='no type'):
-        Parameter('names', [], 'names')
+        NodeParameter(
+            'names',
+            default=[],
+            description='names',
+        )
 
 
 def test_resolve_takes_overrides_and_keeps_defaults():

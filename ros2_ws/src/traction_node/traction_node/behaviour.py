@@ -5,12 +5,15 @@ from types import SimpleNamespace
 from typing import ClassVar
 
 from traction_node.host import Host
-from traction_node.parameter import Parameter
+from traction_node.parameter import NodeParameter
 
-AUTOSTART = Parameter(
-    'autostart', False, description='configure and activate at start', read_only=True
+AUTOSTART = NodeParameter(
+    'autostart',
+    default=False,
+    description='configure and activate at start',
+    read_only=True,
 )
-"""Parameter that every lifecycle node has."""
+"""NodeParameter that every lifecycle node has."""
 
 
 class Behaviour:
@@ -29,7 +32,7 @@ class Behaviour:
     ----------------
     NAME : str
         Name of the node, unless remapped.
-    PARAMETERS : tuple of Parameter
+    PARAMETERS : tuple of NodeParameter
         Its parameters.
     LIFECYCLE : bool
         True for a lifecycle node: it acts on the vehicle, and is configured and activated from
@@ -37,14 +40,14 @@ class Behaviour:
     """
 
     NAME: ClassVar[str] = ''
-    PARAMETERS: ClassVar[tuple[Parameter, ...]] = ()
+    PARAMETERS: ClassVar[tuple[NodeParameter, ...]] = ()
     LIFECYCLE: ClassVar[bool] = False
 
     def __init__(self, host: Host):
         self.host = host
 
     @classmethod
-    def parameter_table(cls) -> tuple[Parameter, ...]:
+    def parameter_table(cls) -> tuple[NodeParameter, ...]:
         """All parameters of the node, `autostart` of a lifecycle node first."""
         return (AUTOSTART, *cls.PARAMETERS) if cls.LIFECYCLE else cls.PARAMETERS
 

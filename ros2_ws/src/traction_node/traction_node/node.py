@@ -47,7 +47,7 @@ def descriptor(parameter):
 
     Parameters
     ----------
-    parameter : traction_node.parameter.Parameter
+    parameter : traction_node.parameter.NodeParameter
         Row of a node's table.
 
     Returns

@@ -16,7 +16,7 @@ class ParameterError(ValueError):
 
 
 @dataclass(frozen=True)
-class Parameter:
+class NodeParameter:
     """One parameter of a node.
 
     Attributes
@@ -29,7 +29,7 @@ class Parameter:
     description : str
         What it does, for `ros2 param describe`.
     unit : str
-        Unit in SI notation such as 'N*m', empty for a number without one.
+        Unit in SI notation such as 'N·m', empty for a number without one.
     minimum, maximum : float or None
         Inclusive range of the value, or of every entry of a list, in `unit`.
     choices : tuple
@@ -146,13 +146,15 @@ def unknown(name: str, known: Iterable[str]) -> ParameterError:
 
 
 def resolve(
-    parameters: Iterable[Parameter], overrides: Mapping[str, object], others: Iterable[str] = ()
+    parameters: Iterable[NodeParameter],
+    overrides: Mapping[str, object],
+    others: Iterable[str] = (),
 ) -> dict[str, Value]:
     """Values of all parameters of a table.
 
     Parameters
     ----------
-    parameters : iterable of Parameter
+    parameters : iterable of NodeParameter
         The table.
     overrides : mapping
         Values given by the user, by name.

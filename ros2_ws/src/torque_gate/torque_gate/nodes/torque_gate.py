@@ -6,7 +6,7 @@ A behaviour runs in a ROS 2 process or in lock step, see `traction_evaluation.re
 from torque_gate.gate import WATCHDOG_PERIOD, State, StopSource, TorqueGate
 from traction_node.behaviour import Behaviour
 from traction_node.diagnostic import ERROR, OK, WARN
-from traction_node.parameter import Parameter
+from traction_node.parameter import NodeParameter
 from traction_node.stamp import seconds
 
 TELL_PERIOD = 1.0
@@ -28,63 +28,69 @@ class TorqueGateBehaviour(Behaviour):
     NAME = 'torque_gate'
     LIFECYCLE = True
     PARAMETERS = (
-        Parameter(
+        NodeParameter(
             'wheel_names',
-            ['fl', 'fr', 'rl', 'rr'],
-            'wheels that every command must name, and the order of the lists below',
+            default=['fl', 'fr', 'rl', 'rr'],
+            description='wheels that every command must name, and the order of the lists below',
             read_only=True,
         ),
-        Parameter(
+        NodeParameter(
             'min_torque',
-            [-3000.0],
-            'least torque per wheel, or one for all',
-            unit='N*m',
+            default=[-3000.0],
+            description='least torque per wheel, or one for all',
+            unit='N·m',
             read_only=True,
         ),
-        Parameter(
+        NodeParameter(
             'max_torque',
-            [8000.0],
-            'most torque per wheel, or one for all',
-            unit='N*m',
+            default=[8000.0],
+            description='most torque per wheel, or one for all',
+            unit='N·m',
             read_only=True,
         ),
-        Parameter(
+        NodeParameter(
             'max_rate',
-            [30000.0],
-            'fastest change of torque per wheel, or one for all',
-            unit='N*m/s',
+            default=[30000.0],
+            description='fastest change of torque per wheel, or one for all',
+            unit='N·m/s',
             minimum=1.0,
             read_only=True,
         ),
-        Parameter(
+        NodeParameter(
             'timeout',
-            0.1,
-            'time that the last good command holds',
+            default=0.1,
+            description='time that the last good command holds',
             unit='s',
             minimum=0.01,
             maximum=0.19,
             read_only=True,
         ),
-        Parameter(
+        NodeParameter(
             'release_time',
-            0.06,
-            'time to go from there to the safe torque',
+            default=0.06,
+            description='time to go from there to the safe torque',
             unit='s',
             minimum=0.0,
             maximum=0.18,
             read_only=True,
         ),
-        Parameter(
+        NodeParameter(
             'max_age',
-            0.2,
-            'a command this much older by its stamp than the newest wheel states is stale',
+            default=0.2,
+            description=(
+                'a command this much older by its stamp than the newest wheel states is stale'
+            ),
             unit='s',
             minimum=0.01,
             maximum=10.0,
             read_only=True,
         ),
-        Parameter(
-            'safe_torque', 0.0, 'torque of every wheel without command', unit='N*m', read_only=True
+        NodeParameter(
+            'safe_torque',
+            default=0.0,
+            description='torque of every wheel without command',
+            unit='N·m',
+            read_only=True,
         ),
     )
 

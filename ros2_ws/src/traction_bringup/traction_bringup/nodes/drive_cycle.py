@@ -4,7 +4,7 @@ import copy
 
 from traction_node import diagnostic
 from traction_node.behaviour import Behaviour
-from traction_node.parameter import Parameter
+from traction_node.parameter import NodeParameter
 from traction_node.stamp import between
 
 
@@ -17,15 +17,49 @@ class DriveCycleBehaviour(Behaviour):
 
     NAME = 'drive_cycle'
     PARAMETERS = (
-        Parameter('wheel_names', ['fl', 'fr', 'rl', 'rr'], 'the wheels', read_only=True),
-        Parameter('torque', [1000.0], 'torque of every wheel, or one for all', 'N·m'),
-        Parameter('ramp', 3.0, 'time over which torque rises from zero', 's', 0.0),
-        Parameter('listeners', 1, 'subscribers of torque_request to wait for', '', 0, 10,
-                  read_only=True),
-        Parameter('duration', 0.0, 'time after which the node ends; 0: never', 's', 0.0),
-        Parameter('slip_target', 0.2, 'published once as slip_target', '', 0.01, 0.9,
-                  read_only=True),
-    )  # fmt: skip
+        NodeParameter(
+            'wheel_names',
+            default=['fl', 'fr', 'rl', 'rr'],
+            description='the wheels',
+            read_only=True,
+        ),
+        NodeParameter(
+            'torque',
+            default=[1000.0],
+            description='torque of every wheel, or one for all',
+            unit='N·m',
+        ),
+        NodeParameter(
+            'ramp',
+            default=3.0,
+            description='time over which torque rises from zero',
+            unit='s',
+            minimum=0.0,
+        ),
+        NodeParameter(
+            'listeners',
+            default=1,
+            description='subscribers of torque_request to wait for',
+            minimum=0,
+            maximum=10,
+            read_only=True,
+        ),
+        NodeParameter(
+            'duration',
+            default=0.0,
+            description='time after which the node ends; 0: never',
+            unit='s',
+            minimum=0.0,
+        ),
+        NodeParameter(
+            'slip_target',
+            default=0.2,
+            description='published once as slip_target',
+            minimum=0.01,
+            maximum=0.9,
+            read_only=True,
+        ),
+    )
 
     def check_parameters(self, p):
         """Refuse torques that do not fit the wheels."""

@@ -27,7 +27,7 @@ from traction_model.vehicle.vehicle import load_vehicle
 from traction_node import diagnostic
 from traction_node.behaviour import Behaviour
 from traction_node.joints import JointOrder
-from traction_node.parameter import Parameter
+from traction_node.parameter import NodeParameter
 from traction_node.stamp import between
 
 _WEIGHTS = ControlWeights()
@@ -61,75 +61,262 @@ class SlipControllerBehaviour(Behaviour):
     NAME = 'slip_controller'
     LIFECYCLE = True
     PARAMETERS = (
-        Parameter('vehicle', 'tractor_4wd', 'preset or path of a vehicle YAML', read_only=True),
-        Parameter(
+        NodeParameter(
+            'vehicle',
+            default='tractor_4wd',
+            description='preset or path of a vehicle YAML',
+            read_only=True,
+        ),
+        NodeParameter(
             'mode',
-            'limit',
-            'limit: only ever reduce the requested torque; hold: regulate slip to the target',
+            default='limit',
+            description=(
+                'limit: only ever reduce the requested torque; hold: regulate slip to the target'
+            ),
             choices=('limit', 'hold'),
         ),
-        Parameter(
-            'slip_target', 0.2, 'slip to limit or hold, until one comes on the topic slip_target',
-            '', SlipControl.MIN_TARGET, SlipControl.MAX_TARGET,
+        NodeParameter(
+            'slip_target',
+            default=0.2,
+            description='slip to limit or hold, until one comes on the topic slip_target',
+            minimum=SlipControl.MIN_TARGET,
+            maximum=SlipControl.MAX_TARGET,
         ),
-        Parameter('law', 'lpv', 'control law', choices=LAWS),
-        Parameter('gain_table', '', 'gain table of the law lpv: one that is shipped, or the path '
-                  'of a YAML file; none: that of the vehicle, if one is shipped', read_only=True),
-        Parameter('grouping', 'wheel', 'which wheels are controlled as one: one engine drives '
-                  'all of a vehicle', choices=_names(Grouping)),
-        Parameter('differential', 'open', 'whether the wheels of a group turn alike',
-                  choices=_names(Differential)),
-        Parameter('driven_axles', 'all', 'all, front (the first) or rear (all others)',
-                  choices=DRIVEN_AXLES),
-        Parameter(
-            'request_timeout', 0.5, 'silence of torque_request after which it counts as zero',
-            's', 0.05, 10.0,
+        NodeParameter(
+            'law',
+            default='lpv',
+            description='control law',
+            choices=LAWS,
         ),
-        Parameter('hold_torque', [10000.0], 'largest torque in hold of each wheel, or of all: '
-                  'what the gate lets through', 'N·m', 1.0, read_only=True),
-        Parameter('torque_rate', [1e6], 'fastest change of torque of each wheel, or of all: what '
-                  'the gate lets through', 'N·m/s', 1.0, read_only=True),
-        Parameter('torque_timeout', 0.1, 'age of wheel_states, against slip_estimate, from which '
-                  'shaft torque is missing', 's', 0.02, 10.0),
-        Parameter('rate', 100.0, 'nominal rate of slip_estimate', 'Hz', 10.0, 1000.0,
-                  read_only=True),
-        Parameter('torque_time_constant', 0.1, 'lag of shaft behind commanded torque', 's', 0.005,
-                  2.0, read_only=True),
-        Parameter('min_speed', 0.3, 'speed of rim and vehicle below which slip is not acted on',
-                  'm/s', 0.05, 2.0, read_only=True),
-        Parameter('set_point', 'none', 'none: the target is given; efficiency: it is sought from '
-                  'the estimated soil', choices=('none', 'efficiency'), read_only=True),
-        Parameter('set_point_weight', 0.0, 'what the set-point seeks: 0 the best efficiency, 1 '
-                  'the most pull', '', 0.0, 1.0),
-        Parameter('set_point_low', 0.05, 'least slip that is sought', '', 0.01, 0.6,
-                  read_only=True),
-        Parameter('set_point_high', 0.3, 'most slip that is sought', '', 0.01, 0.6,
-                  read_only=True),
-        Parameter('set_point_rate', 0.01, 'fastest change of the target that is sought', '1/s',
-                  1e-4, 1.0, read_only=True),
-        Parameter('set_point_time_constant', 5.0, 'lag of the target behind what is best now',
-                  's', 0.1, 1000.0, read_only=True),
-        Parameter('soil', 'sandy_loam_chrono', "the set-point's nominal soil, that of the "
-                  'estimator: preset or file.yaml:name', read_only=True),
-        Parameter('weight_slip', _WEIGHTS.slip, 'law lqi: slip error that weighs as much as '
-                  'weight_torque', '', 1e-3, 1.0, read_only=True),
-        Parameter('weight_integral_time', _WEIGHTS.integral_time, 'law lqi: time after which a '
-                  'lasting slip error weighs as much again', 's', 0.01, 100.0, read_only=True),
-        Parameter('weight_torque', _WEIGHTS.torque, 'law lqi: torque that weighs as much as '
-                  'weight_slip, as share of static load times radius', '', 1e-3, 100.0,
-                  read_only=True),
-        Parameter('pi_proportional', 0.0, 'law pi: gain on slip as share of static load times '
-                  'radius; 0: by the SIMC rules', '', 0.0, 1000.0, read_only=True),
-        Parameter('pi_integral', 0.0, 'law pi: gain on the integral of the slip error as share '
-                  'of static load times radius; 0: by the SIMC rules', '1/s', 0.0, 10000.0,
-                  read_only=True),
-        Parameter('pi_response_time', 0.15, 'laws pi and scheduled_pi: response time that the '
-                  'SIMC rules aim at', 's', 0.01, 10.0, read_only=True),
-        Parameter('sliding_reach', 0.4, 'law sliding_mode: torque beside that which balances the '
-                  'soil, as share of static load times radius', '', 1e-3, 10.0, read_only=True),
-        Parameter('sliding_boundary_layer', 0.4, 'law sliding_mode: slip error at which that '
-                  'torque is used to the full', '', 1e-3, 1.0, read_only=True),
-    )  # fmt: skip
+        NodeParameter(
+            'gain_table',
+            default='',
+            description=(
+                'gain table of the law lpv: one that is shipped, or the path of a YAML '
+                'file; none: that of the vehicle, if one is shipped'
+            ),
+            read_only=True,
+        ),
+        NodeParameter(
+            'grouping',
+            default='wheel',
+            description='which wheels are controlled as one: one engine drives all of a vehicle',
+            choices=_names(Grouping),
+        ),
+        NodeParameter(
+            'differential',
+            default='open',
+            description='whether the wheels of a group turn alike',
+            choices=_names(Differential),
+        ),
+        NodeParameter(
+            'driven_axles',
+            default='all',
+            description='all, front (the first) or rear (all others)',
+            choices=DRIVEN_AXLES,
+        ),
+        NodeParameter(
+            'request_timeout',
+            default=0.5,
+            description='silence of torque_request after which it counts as zero',
+            unit='s',
+            minimum=0.05,
+            maximum=10.0,
+        ),
+        NodeParameter(
+            'hold_torque',
+            default=[10000.0],
+            description=(
+                'largest torque in hold of each wheel, or of all: what the gate lets through'
+            ),
+            unit='N·m',
+            minimum=1.0,
+            read_only=True,
+        ),
+        NodeParameter(
+            'torque_rate',
+            default=[1e6],
+            description=(
+                'fastest change of torque of each wheel, or of all: what the gate lets through'
+            ),
+            unit='N·m/s',
+            minimum=1.0,
+            read_only=True,
+        ),
+        NodeParameter(
+            'torque_timeout',
+            default=0.1,
+            description=(
+                'age of wheel_states, against slip_estimate, from which shaft torque is missing'
+            ),
+            unit='s',
+            minimum=0.02,
+            maximum=10.0,
+        ),
+        NodeParameter(
+            'rate',
+            default=100.0,
+            description='nominal rate of slip_estimate',
+            unit='Hz',
+            minimum=10.0,
+            maximum=1000.0,
+            read_only=True,
+        ),
+        NodeParameter(
+            'torque_time_constant',
+            default=0.1,
+            description='lag of shaft behind commanded torque',
+            unit='s',
+            minimum=0.005,
+            maximum=2.0,
+            read_only=True,
+        ),
+        NodeParameter(
+            'min_speed',
+            default=0.3,
+            description='speed of rim and vehicle below which slip is not acted on',
+            unit='m/s',
+            minimum=0.05,
+            maximum=2.0,
+            read_only=True,
+        ),
+        NodeParameter(
+            'set_point',
+            default='none',
+            description=(
+                'none: the target is given; efficiency: it is sought from the estimated soil'
+            ),
+            choices=('none', 'efficiency'),
+            read_only=True,
+        ),
+        NodeParameter(
+            'set_point_weight',
+            default=0.0,
+            description='what the set-point seeks: 0 the best efficiency, 1 the most pull',
+            minimum=0.0,
+            maximum=1.0,
+        ),
+        NodeParameter(
+            'set_point_low',
+            default=0.05,
+            description='least slip that is sought',
+            minimum=0.01,
+            maximum=0.6,
+            read_only=True,
+        ),
+        NodeParameter(
+            'set_point_high',
+            default=0.3,
+            description='most slip that is sought',
+            minimum=0.01,
+            maximum=0.6,
+            read_only=True,
+        ),
+        NodeParameter(
+            'set_point_rate',
+            default=0.01,
+            description='fastest change of the target that is sought',
+            unit='1/s',
+            minimum=1e-4,
+            maximum=1.0,
+            read_only=True,
+        ),
+        NodeParameter(
+            'set_point_time_constant',
+            default=5.0,
+            description='lag of the target behind what is best now',
+            unit='s',
+            minimum=0.1,
+            maximum=1000.0,
+            read_only=True,
+        ),
+        NodeParameter(
+            'soil',
+            default='sandy_loam_chrono',
+            description=(
+                "the set-point's nominal soil, that of the estimator: preset or file.yaml:name"
+            ),
+            read_only=True,
+        ),
+        NodeParameter(
+            'weight_slip',
+            default=_WEIGHTS.slip,
+            description='law lqi: slip error that weighs as much as weight_torque',
+            minimum=1e-3,
+            maximum=1.0,
+            read_only=True,
+        ),
+        NodeParameter(
+            'weight_integral_time',
+            default=_WEIGHTS.integral_time,
+            description='law lqi: time after which a lasting slip error weighs as much again',
+            unit='s',
+            minimum=0.01,
+            maximum=100.0,
+            read_only=True,
+        ),
+        NodeParameter(
+            'weight_torque',
+            default=_WEIGHTS.torque,
+            description=(
+                'law lqi: torque that weighs as much as weight_slip, as share of static '
+                'load times radius'
+            ),
+            minimum=1e-3,
+            maximum=100.0,
+            read_only=True,
+        ),
+        NodeParameter(
+            'pi_proportional',
+            default=0.0,
+            description=(
+                'law pi: gain on slip as share of static load times radius; 0: by the SIMC rules'
+            ),
+            minimum=0.0,
+            maximum=1000.0,
+            read_only=True,
+        ),
+        NodeParameter(
+            'pi_integral',
+            default=0.0,
+            description=(
+                'law pi: gain on the integral of the slip error as share of static load '
+                'times radius; 0: by the SIMC rules'
+            ),
+            unit='1/s',
+            minimum=0.0,
+            maximum=10000.0,
+            read_only=True,
+        ),
+        NodeParameter(
+            'pi_response_time',
+            default=0.15,
+            description='laws pi and scheduled_pi: response time that the SIMC rules aim at',
+            unit='s',
+            minimum=0.01,
+            maximum=10.0,
+            read_only=True,
+        ),
+        NodeParameter(
+            'sliding_reach',
+            default=0.4,
+            description=(
+                'law sliding_mode: torque beside that which balances the soil, as share '
+                'of static load times radius'
+            ),
+            minimum=1e-3,
+            maximum=10.0,
+            read_only=True,
+        ),
+        NodeParameter(
+            'sliding_boundary_layer',
+            default=0.4,
+            description='law sliding_mode: slip error at which that torque is used to the full',
+            minimum=1e-3,
+            maximum=1.0,
+            read_only=True,
+        ),
+    )
 
     def check_parameters(self, p):
         """Refuse a vehicle that cannot be loaded, and what does not fit it."""

@@ -22,7 +22,7 @@ from traction_model.vehicle.vehicle import load_vehicle
 from traction_node import diagnostic
 from traction_node.behaviour import Behaviour
 from traction_node.joints import JointOrder
-from traction_node.parameter import Parameter
+from traction_node.parameter import NodeParameter
 from traction_node.stamp import between
 
 _NOISE = EstimatorNoise()
@@ -43,116 +43,256 @@ class SlipEstimatorBehaviour(Behaviour):
     NAME = 'slip_estimator'
     LIFECYCLE = True
     PARAMETERS = (
-        Parameter('vehicle', 'tractor_4wd', 'preset or path of a vehicle YAML', read_only=True),
-        Parameter(
-            'soil', 'sandy_loam_chrono', 'nominal soil: preset or file.yaml:name', read_only=True
-        ),
-        Parameter(
-            'min_speed', 0.3, 'speed of rim or vehicle below which slip is not valid', 'm/s',
-            0.05, 2.0, read_only=True,
-        ),
-        Parameter(
-            'radar_timeout', 0.5, 'silence after which slip rests on torque alone', 's', 0.05,
-            10.0, read_only=True,
-        ),
-        Parameter(
-            'radar_variance', 0.0025, 'variance of a radar reading that does not state one',
-            'm²/s²', 1e-6, 10.0, read_only=True,
-        ),
-        Parameter(
-            'stuck_time', 0.15, 'time for which a tachometer or a radar may tell the same to the '
-            'last bit while others change by 2 %, longer in proportion for less; 0: for ever',
-            's', 0.0, 10.0, read_only=True,
-        ),
-        Parameter(
-            'terrain_rate', 10.0, 'rate of terrain_estimate', 'Hz', 1.0, 100.0, read_only=True
-        ),
-        Parameter('odometry_rate', 50.0, 'rate of odometry', 'Hz', 1.0, 100.0, read_only=True),
-        Parameter(
-            'method', 'ukf', 'Kalman filter: ukf (best), ekf (half the time) or '
-            'scheduled_gain (computed beforehand)', read_only=True,
-        ),
-        Parameter(
-            'tachometer_pulses', 0.0, 'pulses per turn that the tachometers count; 0: ideal', '',
-            0.0, 1e6, read_only=True,
-        ),
-        Parameter(
-            'radar_latency', 0.0, 'time by which the stamps of radar are late', 's', 0.0, 0.5,
+        NodeParameter(
+            'vehicle',
+            default='tractor_4wd',
+            description='preset or path of a vehicle YAML',
             read_only=True,
         ),
-        Parameter(
-            'radar_min_speed', 0.0, 'speed below which the radar is blind', 'm/s', 0.0, 2.0,
+        NodeParameter(
+            'soil',
+            default='sandy_loam_chrono',
+            description='nominal soil: preset or file.yaml:name',
             read_only=True,
         ),
-        Parameter(
-            'gnss_latency', 0.0, 'time by which the stamps of gnss and gnss_velocity are late',
-            's', 0.0, 0.5, read_only=True,
-        ),
-        Parameter(
-            'calibrate_radius', False, 'find the rolling radii while wheels pull little',
+        NodeParameter(
+            'min_speed',
+            default=0.3,
+            description='speed of rim or vehicle below which slip is not valid',
+            unit='m/s',
+            minimum=0.05,
+            maximum=2.0,
             read_only=True,
         ),
-        Parameter(
-            'calibration_effort', _GROUND.largest_effort, 'thrust over load up to which a wheel '
-            'pulls little', '', 1e-3, 1.0, read_only=True,
+        NodeParameter(
+            'radar_timeout',
+            default=0.5,
+            description='silence after which slip rests on torque alone',
+            unit='s',
+            minimum=0.05,
+            maximum=10.0,
+            read_only=True,
         ),
-        Parameter(
-            'track_width', 0.0, 'distance between the outer wheels of the rear axle, which must '
-            'not steer; 0: yaw is not estimated', 'm', 0.0, 10.0, read_only=True,
+        NodeParameter(
+            'radar_variance',
+            default=0.0025,
+            description='variance of a radar reading that does not state one',
+            unit='m²/s²',
+            minimum=1e-6,
+            maximum=10.0,
+            read_only=True,
         ),
-        Parameter(
-            'warning_horizon', _LIMITS.horizon, 'time to standstill at which immobilisation is '
-            'warned of', 's', 0.1, 60.0, read_only=True,
+        NodeParameter(
+            'stuck_time',
+            default=0.15,
+            description=(
+                'time for which a tachometer or a radar may tell the same to the last bit '
+                'while others change by 2 %, longer in proportion for less; 0: for ever'
+            ),
+            unit='s',
+            minimum=0.0,
+            maximum=10.0,
+            read_only=True,
         ),
-        Parameter(
-            'warning_slip', _LIMITS.slip, 'share of power lost in slip at which immobilisation is '
-            'warned of', '', 0.05, 1.0, read_only=True,
+        NodeParameter(
+            'terrain_rate',
+            default=10.0,
+            description='rate of terrain_estimate',
+            unit='Hz',
+            minimum=1.0,
+            maximum=100.0,
+            read_only=True,
         ),
-        Parameter(
-            'noise_acceleration', _NOISE.acceleration, 'random walk of the drawbar, as '
-            'acceleration', 'm/s²/√s', 1e-4, 100.0, read_only=True,
+        NodeParameter(
+            'odometry_rate',
+            default=50.0,
+            description='rate of odometry',
+            unit='Hz',
+            minimum=1.0,
+            maximum=100.0,
+            read_only=True,
         ),
-        Parameter(
-            'noise_speed', _NOISE.speed, 'random walk of the speed beyond the model', 'm/s/√s',
-            1e-4, 10.0, read_only=True,
+        NodeParameter(
+            'method',
+            default='ukf',
+            description=(
+                'Kalman filter: ukf (best), ekf (half the time) or scheduled_gain '
+                '(computed beforehand)'
+            ),
+            read_only=True,
         ),
-        Parameter(
-            'noise_soil', _NOISE.soil, "random walk of the logarithms of the soil's parameters",
-            '1/√s', 1e-4, 10.0, read_only=True,
+        NodeParameter(
+            'tachometer_pulses',
+            default=0.0,
+            description='pulses per turn that the tachometers count; 0: ideal',
+            minimum=0.0,
+            maximum=1e6,
+            read_only=True,
         ),
-        Parameter(
-            'noise_strength', _NOISE.strength, 'deviation of ln(tau_max) where soil changes', '',
-            1e-3, 3.0, read_only=True,
+        NodeParameter(
+            'radar_latency',
+            default=0.0,
+            description='time by which the stamps of radar are late',
+            unit='s',
+            minimum=0.0,
+            maximum=0.5,
+            read_only=True,
         ),
-        Parameter(
-            'noise_shear_modulus', _NOISE.shear_modulus, 'deviation of ln(K) where soil changes',
-            '', 1e-3, 3.0, read_only=True,
+        NodeParameter(
+            'radar_min_speed',
+            default=0.0,
+            description='speed below which the radar is blind',
+            unit='m/s',
+            minimum=0.0,
+            maximum=2.0,
+            read_only=True,
         ),
-        Parameter(
-            'noise_sinkage_modulus', _NOISE.sinkage_modulus, 'deviation of the logarithm of the '
-            'sinkage modulus where soil changes', '', 1e-3, 3.0, read_only=True,
+        NodeParameter(
+            'gnss_latency',
+            default=0.0,
+            description='time by which the stamps of gnss and gnss_velocity are late',
+            unit='s',
+            minimum=0.0,
+            maximum=0.5,
+            read_only=True,
         ),
-        Parameter(
-            'noise_nominal', _NOISE.nominal, 'share of these that the nominal soil is off', '',
-            1e-3, 10.0, read_only=True,
+        NodeParameter(
+            'calibrate_radius',
+            default=False,
+            description='find the rolling radii while wheels pull little',
+            read_only=True,
         ),
-        Parameter(
-            'noise_gross_traction', _NOISE.gross_traction, 'deviation of gross traction from its '
-            'curve, as share of the static load', '', 1e-4, 10.0, read_only=True,
+        NodeParameter(
+            'calibration_effort',
+            default=_GROUND.largest_effort,
+            description='thrust over load up to which a wheel pulls little',
+            minimum=1e-3,
+            maximum=1.0,
+            read_only=True,
         ),
-        Parameter(
-            'noise_slip', _NOISE.slip, 'deviation of the slip at which a thrust is reached', '',
-            1e-4, 10.0, read_only=True,
+        NodeParameter(
+            'track_width',
+            default=0.0,
+            description=(
+                'distance between the outer wheels of the rear axle, which must not '
+                'steer; 0: yaw is not estimated'
+            ),
+            unit='m',
+            minimum=0.0,
+            maximum=10.0,
+            read_only=True,
         ),
-        Parameter(
-            'noise_wheel_speed', _NOISE.wheel_speed, 'deviation of an ideal tachometer', 'rad/s',
-            1e-5, 10.0, read_only=True,
+        NodeParameter(
+            'warning_horizon',
+            default=_LIMITS.horizon,
+            description='time to standstill at which immobilisation is warned of',
+            unit='s',
+            minimum=0.1,
+            maximum=60.0,
+            read_only=True,
         ),
-        Parameter(
-            'noise_wheel_acceleration', _NOISE.wheel_acceleration, 'random walk of the wheel '
-            'speed between pulses, as a share of it', '1/√s', 1e-3, 100.0, read_only=True,
+        NodeParameter(
+            'warning_slip',
+            default=_LIMITS.slip,
+            description='share of power lost in slip at which immobilisation is warned of',
+            minimum=0.05,
+            maximum=1.0,
+            read_only=True,
         ),
-    )  # fmt: skip
+        NodeParameter(
+            'noise_acceleration',
+            default=_NOISE.acceleration,
+            description='random walk of the drawbar, as acceleration',
+            unit='m/s²/√s',
+            minimum=1e-4,
+            maximum=100.0,
+            read_only=True,
+        ),
+        NodeParameter(
+            'noise_speed',
+            default=_NOISE.speed,
+            description='random walk of the speed beyond the model',
+            unit='m/s/√s',
+            minimum=1e-4,
+            maximum=10.0,
+            read_only=True,
+        ),
+        NodeParameter(
+            'noise_soil',
+            default=_NOISE.soil,
+            description="random walk of the logarithms of the soil's parameters",
+            unit='1/√s',
+            minimum=1e-4,
+            maximum=10.0,
+            read_only=True,
+        ),
+        NodeParameter(
+            'noise_strength',
+            default=_NOISE.strength,
+            description='deviation of ln(tau_max) where soil changes',
+            minimum=1e-3,
+            maximum=3.0,
+            read_only=True,
+        ),
+        NodeParameter(
+            'noise_shear_modulus',
+            default=_NOISE.shear_modulus,
+            description='deviation of ln(K) where soil changes',
+            minimum=1e-3,
+            maximum=3.0,
+            read_only=True,
+        ),
+        NodeParameter(
+            'noise_sinkage_modulus',
+            default=_NOISE.sinkage_modulus,
+            description='deviation of the logarithm of the sinkage modulus where soil changes',
+            minimum=1e-3,
+            maximum=3.0,
+            read_only=True,
+        ),
+        NodeParameter(
+            'noise_nominal',
+            default=_NOISE.nominal,
+            description='share of these that the nominal soil is off',
+            minimum=1e-3,
+            maximum=10.0,
+            read_only=True,
+        ),
+        NodeParameter(
+            'noise_gross_traction',
+            default=_NOISE.gross_traction,
+            description='deviation of gross traction from its curve, as share of the static load',
+            minimum=1e-4,
+            maximum=10.0,
+            read_only=True,
+        ),
+        NodeParameter(
+            'noise_slip',
+            default=_NOISE.slip,
+            description='deviation of the slip at which a thrust is reached',
+            minimum=1e-4,
+            maximum=10.0,
+            read_only=True,
+        ),
+        NodeParameter(
+            'noise_wheel_speed',
+            default=_NOISE.wheel_speed,
+            description='deviation of an ideal tachometer',
+            unit='rad/s',
+            minimum=1e-5,
+            maximum=10.0,
+            read_only=True,
+        ),
+        NodeParameter(
+            'noise_wheel_acceleration',
+            default=_NOISE.wheel_acceleration,
+            description='random walk of the wheel speed between pulses, as a share of it',
+            unit='1/√s',
+            minimum=1e-3,
+            maximum=100.0,
+            read_only=True,
+        ),
+    )
 
     def check_parameters(self, p):
         """Refuse definitions that cannot be loaded."""

@@ -14,7 +14,7 @@ from traction_node import diagnostic
 from traction_node.behaviour import Behaviour
 from traction_node.host import RosHost
 from traction_node.joints import JointOrder
-from traction_node.parameter import Parameter
+from traction_node.parameter import NodeParameter
 from traction_node.stamp import seconds, to_stamp
 from traction_node.topics import message_class
 
@@ -25,105 +25,216 @@ class PlantBehaviour(Behaviour):
     NAME = 'plant_node'
     host: RosHost
     PARAMETERS = (
-        Parameter('vehicle', 'tractor_4wd', 'preset or path of a vehicle YAML', read_only=True),
-        Parameter(
-            'soils',
-            ['sandy_loam_chrono'],
-            'presets, or file.yaml:name, in the order in which they are met',
+        NodeParameter(
+            'vehicle',
+            default='tractor_4wd',
+            description='preset or path of a vehicle YAML',
             read_only=True,
         ),
-        Parameter(
+        NodeParameter(
+            'soils',
+            default=['sandy_loam_chrono'],
+            description='presets, or file.yaml:name, in the order in which they are met',
+            read_only=True,
+        ),
+        NodeParameter(
             'soil_starts',
-            [0.0],
-            'where each soil begins along the path of the rear axle (the first: not used)',
+            default=[0.0],
+            description=(
+                'where each soil begins along the path of the rear axle (the first: not used)'
+            ),
             unit='m',
             read_only=True,
         ),
-        Parameter(
+        NodeParameter(
             'terrain',
-            '',
-            'YAML or CSV file of soils and slopes along the path, in place of soils and grade',
+            default='',
+            description=(
+                'YAML or CSV file of soils and slopes along the path, in place of soils and grade'
+            ),
             read_only=True,
         ),
-        Parameter(
+        NodeParameter(
             'multipass',
-            True,
-            'whether wheels meet the ruts of those before them, or fresh soil',
+            default=True,
+            description='whether wheels meet the ruts of those before them, or fresh soil',
             read_only=True,
         ),
-        Parameter(
+        NodeParameter(
             'form',
-            'contact',
-            'form of the contact model',
+            default='contact',
+            description='form of the contact model',
             choices=tuple(form.name.lower() for form in Form),
             read_only=True,
         ),
-        Parameter(
+        NodeParameter(
             'sinkage',
-            'dynamic',
-            'sinkage as a state, or from vertical equilibrium, which is many times slower and can '
-            'stall on very soft soil',
+            default='dynamic',
+            description=(
+                'sinkage as a state, or from vertical equilibrium, which is many times '
+                'slower and can stall on very soft soil'
+            ),
             choices=('dynamic', 'equilibrium'),
             read_only=True,
         ),
-        Parameter('drawbar_pull', 0.0, 'draft of the implement', 'N', 0.0, read_only=True),
-        Parameter(
-            'drawbar_pull_per_speed', 0.0, 'growth of draft with speed', 'N·s/m', 0.0,
+        NodeParameter(
+            'drawbar_pull',
+            default=0.0,
+            description='draft of the implement',
+            unit='N',
+            minimum=0.0,
             read_only=True,
         ),
-        Parameter(
-            'drawbar_ramp', 2.0, 'time over which draft builds up', 's', 0.0, read_only=True
-        ),
-        Parameter('grade', 0.0, 'slope, uphill positive', 'rad', -0.785, 0.785, read_only=True),
-        Parameter(
-            'torque_time_constant', 0.1, 'lag of shaft behind commanded torque', 's', 0.0, 2.0,
+        NodeParameter(
+            'drawbar_pull_per_speed',
+            default=0.0,
+            description='growth of draft with speed',
+            unit='N·s/m',
+            minimum=0.0,
             read_only=True,
         ),
-        Parameter(
-            'max_power', 0.0, 'power of the engine; 0: unlimited', 'W', 0.0, read_only=True
-        ),
-        Parameter(
-            'torque_timeout', 0.5, 'silence of wheel_torque after which no torque acts', 's', 0.01,
-            10.0, read_only=True,
-        ),
-        Parameter(
-            'rate', 100.0, 'rate of wheel_states, in simulated time', 'Hz', 10.0, 1000.0,
+        NodeParameter(
+            'drawbar_ramp',
+            default=2.0,
+            description='time over which draft builds up',
+            unit='s',
+            minimum=0.0,
             read_only=True,
         ),
-        Parameter(
+        NodeParameter(
+            'grade',
+            default=0.0,
+            description='slope, uphill positive',
+            unit='rad',
+            minimum=-0.785,
+            maximum=0.785,
+            read_only=True,
+        ),
+        NodeParameter(
+            'torque_time_constant',
+            default=0.1,
+            description='lag of shaft behind commanded torque',
+            unit='s',
+            minimum=0.0,
+            maximum=2.0,
+            read_only=True,
+        ),
+        NodeParameter(
+            'max_power',
+            default=0.0,
+            description='power of the engine; 0: unlimited',
+            unit='W',
+            minimum=0.0,
+            read_only=True,
+        ),
+        NodeParameter(
+            'torque_timeout',
+            default=0.5,
+            description='silence of wheel_torque after which no torque acts',
+            unit='s',
+            minimum=0.01,
+            maximum=10.0,
+            read_only=True,
+        ),
+        NodeParameter(
+            'rate',
+            default=100.0,
+            description='rate of wheel_states, in simulated time',
+            unit='Hz',
+            minimum=10.0,
+            maximum=1000.0,
+            read_only=True,
+        ),
+        NodeParameter(
             'real_time_factor',
-            1.0,
-            'simulated per real time, 0.2 or more; 0: as fast as wheel_torque answers every '
-            'wheel_states. Unless 1, /clock is published and stamps are simulated time; the '
-            'gate goes on measuring its time-outs and rates in real time',
+            default=1.0,
+            description=(
+                'simulated per real time, 0.2 or more; 0: as fast as wheel_torque answers '
+                'every wheel_states. Unless 1, /clock is published and stamps are '
+                'simulated time; the gate goes on measuring its time-outs and rates in '
+                'real time'
+            ),
             minimum=0.0,
             maximum=100.0,
             read_only=True,
         ),
-        Parameter(
-            'wait_for_torque', 5.0, 'as fast as possible: real time to wait for a first publisher '
-            'of wheel_torque before going on without', 's', 0.0, 60.0, read_only=True,
-        ),
-        Parameter(
-            'duration', 0.0, 'simulated time after which the node ends; 0: never', 's', 0.0,
+        NodeParameter(
+            'wait_for_torque',
+            default=5.0,
+            description=(
+                'as fast as possible: real time to wait for a first publisher of '
+                'wheel_torque before going on without'
+            ),
+            unit='s',
+            minimum=0.0,
+            maximum=60.0,
             read_only=True,
         ),
-        Parameter(
-            'tachometer_pulses', 0.0, 'pulses per turn of a wheel; 0: ideal', minimum=0.0,
+        NodeParameter(
+            'duration',
+            default=0.0,
+            description='simulated time after which the node ends; 0: never',
+            unit='s',
+            minimum=0.0,
             read_only=True,
         ),
-        Parameter('radar_rate', 20.0, 'rate of radar', 'Hz', 1.0, 100.0, read_only=True),
-        Parameter(
-            'radar_noise', 0.05, 'standard deviation of a reading', 'm/s', 0.0, read_only=True
-        ),
-        Parameter('radar_bias', 0.0, 'relative error of scale', '', -0.5, 0.5, read_only=True),
-        Parameter(
-            'radar_min_speed', 0.2, 'speed below which the radar is blind', 'm/s', 0.0,
+        NodeParameter(
+            'tachometer_pulses',
+            default=0.0,
+            description='pulses per turn of a wheel; 0: ideal',
+            minimum=0.0,
             read_only=True,
         ),
-        Parameter('radar_latency', 0.0, 'delay of a reading', 's', 0.0, 1.0, read_only=True),
-        Parameter('seed', 0, 'seed of all noise', minimum=0, read_only=True),
-    )  # fmt: skip
+        NodeParameter(
+            'radar_rate',
+            default=20.0,
+            description='rate of radar',
+            unit='Hz',
+            minimum=1.0,
+            maximum=100.0,
+            read_only=True,
+        ),
+        NodeParameter(
+            'radar_noise',
+            default=0.05,
+            description='standard deviation of a reading',
+            unit='m/s',
+            minimum=0.0,
+            read_only=True,
+        ),
+        NodeParameter(
+            'radar_bias',
+            default=0.0,
+            description='relative error of scale',
+            minimum=-0.5,
+            maximum=0.5,
+            read_only=True,
+        ),
+        NodeParameter(
+            'radar_min_speed',
+            default=0.2,
+            description='speed below which the radar is blind',
+            unit='m/s',
+            minimum=0.0,
+            read_only=True,
+        ),
+        NodeParameter(
+            'radar_latency',
+            default=0.0,
+            description='delay of a reading',
+            unit='s',
+            minimum=0.0,
+            maximum=1.0,
+            read_only=True,
+        ),
+        NodeParameter(
+            'seed',
+            default=0,
+            description='seed of all noise',
+            minimum=0,
+            read_only=True,
+        ),
+    )
 
     def check_parameters(self, p):
         """Refuse definitions that cannot be loaded and lists that do not fit."""

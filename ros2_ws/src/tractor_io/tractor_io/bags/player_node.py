@@ -10,7 +10,7 @@ from rosgraph_msgs.msg import Clock
 
 from traction_node.diagnostic import OK, WARN
 from traction_node.node import TractionNode
-from traction_node.parameter import Parameter
+from traction_node.parameter import NodeParameter
 from traction_node.run import run
 from traction_node.topics import message_class, topics
 from tractor_io.bags.bag import BagError, BagReader
@@ -44,35 +44,52 @@ class BagPlayerNode(TractionNode):
 
     NAME = 'bag_player'
     PARAMETERS = (
-        Parameter('bag', '', 'bag folder, or .mcap or .db3 file', read_only=True),
-        Parameter(
+        NodeParameter(
+            'bag',
+            default='',
+            description='bag folder, or .mcap or .db3 file',
+            read_only=True,
+        ),
+        NodeParameter(
             'rate',
-            1.0,
-            'bag time per real time',
+            default=1.0,
+            description='bag time per real time',
             minimum=0.01,
             maximum=1000.0,
             read_only=True,
         ),
-        Parameter('loop', False, 'start again at the end', read_only=True),
-        Parameter(
+        NodeParameter(
+            'loop',
+            default=False,
+            description='start again at the end',
+            read_only=True,
+        ),
+        NodeParameter(
             'start_offset',
-            0.0,
-            'skip the beginning of the bag',
+            default=0.0,
+            description='skip the beginning of the bag',
             unit='s',
             minimum=0.0,
             read_only=True,
         ),
-        Parameter('clock', False, 'publish bag time on /clock', read_only=True),
-        Parameter(
-            'topics',
-            [ALL],
-            f"topics to play; '{ALL}' leaves out those that carry torques, which have to be named",
+        NodeParameter(
+            'clock',
+            default=False,
+            description='publish bag time on /clock',
             read_only=True,
         ),
-        Parameter(
+        NodeParameter(
+            'topics',
+            default=[ALL],
+            description=(
+                f"topics to play; '{ALL}' leaves out those that carry torques, which have to be named"
+            ),
+            read_only=True,
+        ),
+        NodeParameter(
             'wait_for_subscribers',
-            2.0,
-            'longest wait for every topic to have a subscriber',
+            default=2.0,
+            description='longest wait for every topic to have a subscriber',
             unit='s',
             minimum=0.0,
             read_only=True,

@@ -15,7 +15,7 @@ from rclpy.qos import (
 
 from traction_node.diagnostic import OK, WARN
 from traction_node.node import TractionNode
-from traction_node.parameter import Parameter
+from traction_node.parameter import NodeParameter
 from traction_node.run import run
 from traction_node.topics import message_class, topic, topics
 from tractor_io.bags.bag import QOS, BagError, BagWriter, Qos
@@ -47,11 +47,16 @@ class BagRecorderNode(TractionNode):
 
     NAME = 'bag_recorder'
     PARAMETERS = (
-        Parameter('output', '', 'folder of the bag to write; must not exist', read_only=True),
-        Parameter(
+        NodeParameter(
+            'output',
+            default='',
+            description='folder of the bag to write; must not exist',
+            read_only=True,
+        ),
+        NodeParameter(
             'topics',
-            [ALL],
-            f"topics to record, or '{ALL}' those of the suite",
+            default=[ALL],
+            description=f"topics to record, or '{ALL}' those of the suite",
             read_only=True,
         ),
     )

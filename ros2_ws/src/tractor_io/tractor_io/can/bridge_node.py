@@ -12,7 +12,7 @@ from traction_interfaces.msg import CanFrame, CanFrames
 from traction_node.diagnostic import ERROR, OK, WARN
 from traction_node.joints import JointError, JointOrder
 from traction_node.node import TractionLifecycleNode
-from traction_node.parameter import Parameter
+from traction_node.parameter import NodeParameter
 from traction_node.run import run
 from tractor_io.can.address_claim import AddressClaim, Claim, name_of
 from tractor_io.can.drivetrain import Drivetrain
@@ -48,30 +48,60 @@ _MANUFACTURER, _FUNCTION = 2046, 130
 
 
 DRIVETRAIN_PARAMETERS = (
-    Parameter(
-        'wheel_names', ['fl', 'fr', 'rl', 'rr'], 'wheels front left and right, rear left '
-        'and right', read_only=True,
-    ),
-    Parameter(
-        'wheel_radii', [0.65, 0.65, 0.85, 0.85], 'their rolling radii', 'm', 0.01, 5.0,
+    NodeParameter(
+        'wheel_names',
+        default=['fl', 'fr', 'rl', 'rr'],
+        description='wheels front left and right, rear left and right',
         read_only=True,
     ),
-    Parameter(
-        'reference_torque', 500.0, 'engine torque of 100 %', 'N*m', 1.0, 1e5, read_only=True,
-    ),
-    Parameter(
-        'gear_ratio', 40.0, 'engine speed over wheel speed', '', 1e-3, 1e4, read_only=True,
-    ),
-    Parameter(
-        'efficiency', 0.9, 'torque at the wheels over ratio and engine torque', '', 0.01, 1.0,
+    NodeParameter(
+        'wheel_radii',
+        default=[0.65, 0.65, 0.85, 0.85],
+        description='their rolling radii',
+        unit='m',
+        minimum=0.01,
+        maximum=5.0,
         read_only=True,
     ),
-    Parameter(
-        'front_share', 0.3, 'share of torque of the front axle while engaged', '', 0.0, 0.99,
+    NodeParameter(
+        'reference_torque',
+        default=500.0,
+        description='engine torque of 100 %',
+        unit='N·m',
+        minimum=1.0,
+        maximum=1e5,
         read_only=True,
     ),
-    Parameter('front_engaged', True, 'whether the front axle is driven'),
-)  # fmt: skip
+    NodeParameter(
+        'gear_ratio',
+        default=40.0,
+        description='engine speed over wheel speed',
+        minimum=1e-3,
+        maximum=1e4,
+        read_only=True,
+    ),
+    NodeParameter(
+        'efficiency',
+        default=0.9,
+        description='torque at the wheels over ratio and engine torque',
+        minimum=0.01,
+        maximum=1.0,
+        read_only=True,
+    ),
+    NodeParameter(
+        'front_share',
+        default=0.3,
+        description='share of torque of the front axle while engaged',
+        minimum=0.0,
+        maximum=0.99,
+        read_only=True,
+    ),
+    NodeParameter(
+        'front_engaged',
+        default=True,
+        description='whether the front axle is driven',
+    ),
+)
 """Parameters of wheels and drivetrain."""
 
 
@@ -80,41 +110,96 @@ class CanBridgeNode(TractionLifecycleNode):
 
     NAME = 'can_bridge'
     PARAMETERS = (
-        Parameter(
-            'interface', 'socketcan', f'kind of bus: {", ".join(INTERFACES)}', read_only=True
+        NodeParameter(
+            'interface',
+            default='socketcan',
+            description=f'kind of bus: {", ".join(INTERFACES)}',
+            read_only=True,
         ),
-        Parameter(
-            'channel', '', 'name of the bus, multicast address, or path of the candump log; '
-            'empty for can0, 239.74.163.2', read_only=True,
+        NodeParameter(
+            'channel',
+            default='',
+            description=(
+                'name of the bus, multicast address, or path of the candump log; empty '
+                'for can0, 239.74.163.2'
+            ),
+            read_only=True,
         ),
-        Parameter(
-            'port', DEFAULT_PORT, 'port of a bus over UDP', '', 1, 65535, read_only=True,
+        NodeParameter(
+            'port',
+            default=DEFAULT_PORT,
+            description='port of a bus over UDP',
+            minimum=1,
+            maximum=65535,
+            read_only=True,
         ),
-        Parameter('log', '', 'candump log to write all frames to; empty for none', read_only=True),
+        NodeParameter(
+            'log',
+            default='',
+            description='candump log to write all frames to; empty for none',
+            read_only=True,
+        ),
         *DRIVETRAIN_PARAMETERS,
-        Parameter('address', 0x87, 'address to claim first', '', 0, 253, read_only=True),
-        Parameter(
-            'identity', 1, 'number of this device in its NAME', '', 0, 2**21 - 1, read_only=True,
-        ),
-        Parameter('engine_address', 0, 'address of the engine', '', 0, 253, read_only=True),
-        Parameter(
-            'sources', ['any'], 'who is heard, as MESSAGE=ADDRESS; any: whoever is first',
+        NodeParameter(
+            'address',
+            default=0x87,
+            description='address to claim first',
+            minimum=0,
+            maximum=253,
             read_only=True,
         ),
-        Parameter(
-            'missed', 5.0, 'periods without a frame after which a message is silent', '', 1.1,
-            100.0, read_only=True,
-        ),
-        Parameter(
-            'timeout', 0.14, 'time after the last wheel_torque from which on the engine is '
-            'limited to none: longer than the gate is silent before it releases', 's', 0.01, 0.19,
+        NodeParameter(
+            'identity',
+            default=1,
+            description='number of this device in its NAME',
+            minimum=0,
+            maximum=2**21 - 1,
             read_only=True,
         ),
-        Parameter(
-            'radar_variance', 0.0025, 'variance of the speed over ground', 'm^2/s^2', 1e-8, 100.0,
+        NodeParameter(
+            'engine_address',
+            default=0,
+            description='address of the engine',
+            minimum=0,
+            maximum=253,
             read_only=True,
         ),
-    )  # fmt: skip
+        NodeParameter(
+            'sources',
+            default=['any'],
+            description='who is heard, as MESSAGE=ADDRESS; any: whoever is first',
+            read_only=True,
+        ),
+        NodeParameter(
+            'missed',
+            default=5.0,
+            description='periods without a frame after which a message is silent',
+            minimum=1.1,
+            maximum=100.0,
+            read_only=True,
+        ),
+        NodeParameter(
+            'timeout',
+            default=0.14,
+            description=(
+                'time after the last wheel_torque from which on the engine is limited to '
+                'none: longer than the gate is silent before it releases'
+            ),
+            unit='s',
+            minimum=0.01,
+            maximum=0.19,
+            read_only=True,
+        ),
+        NodeParameter(
+            'radar_variance',
+            default=0.0025,
+            description='variance of the speed over ground',
+            unit='m²/s²',
+            minimum=1e-8,
+            maximum=100.0,
+            read_only=True,
+        ),
+    )
     _bus = None
 
     def check_parameters(self, p):
@@ -386,10 +471,12 @@ class CanBridgeNode(TractionLifecycleNode):
 def _raw_frame(time, message):
     data = bytes(message.data)[:8]
     raw = CanFrame(
-        id=message.arbitration_id, is_rtr=message.is_remote_frame,
-        is_extended=message.is_extended_id, is_error=message.is_error_frame,
+        id=message.arbitration_id,
+        is_rtr=message.is_remote_frame,
+        is_extended=message.is_extended_id,
+        is_error=message.is_error_frame,
         dlc=len(data) if not message.is_remote_frame else min(message.dlc, 8),
-    )  # fmt: skip
+    )
     raw.header.stamp = time.to_msg()
     raw.data[: len(data)] = list(data)
     return raw
@@ -433,10 +520,16 @@ def _make_bus(p):
     drivetrain = make_drivetrain(p)
     name = name_of(identity=p.identity, manufacturer=_MANUFACTURER, function=_FUNCTION)
     return VehicleBus(
-        tractor_groups(), p.wheel_radii, drivetrain, AddressClaim(name, p.address, p.identity),
-        engine=p.engine_address, front_engaged=p.front_engaged, sources=sources, missed=p.missed,
+        tractor_groups(),
+        p.wheel_radii,
+        drivetrain,
+        AddressClaim(name, p.address, p.identity),
+        engine=p.engine_address,
+        front_engaged=p.front_engaged,
+        sources=sources,
+        missed=p.missed,
         timeout=p.timeout,
-    )  # fmt: skip
+    )
 
 
 def main():

@@ -8,7 +8,7 @@ import can
 from traction_node.diagnostic import ERROR, OK, WARN
 from traction_node.joints import JointError, JointOrder
 from traction_node.node import TractionNode
-from traction_node.parameter import Parameter
+from traction_node.parameter import NodeParameter
 from traction_node.run import run
 from traction_node.stamp import seconds
 from tractor_io.can.bridge_node import DRIVETRAIN_PARAMETERS, make_drivetrain
@@ -29,15 +29,28 @@ class TractorEcuNode(TractionNode):
 
     NAME = 'tractor_ecu'
     PARAMETERS = (
-        Parameter(
-            'interface', 'udp_multicast', f'kind of bus: {", ".join(INTERFACES)}', read_only=True
+        NodeParameter(
+            'interface',
+            default='udp_multicast',
+            description=f'kind of bus: {", ".join(INTERFACES)}',
+            read_only=True,
         ),
-        Parameter('channel', '', 'name of the bus; empty for the usual one', read_only=True),
-        Parameter(
-            'port', DEFAULT_PORT, 'port of a bus over UDP', '', 1, 65535, read_only=True,
+        NodeParameter(
+            'channel',
+            default='',
+            description='name of the bus; empty for the usual one',
+            read_only=True,
+        ),
+        NodeParameter(
+            'port',
+            default=DEFAULT_PORT,
+            description='port of a bus over UDP',
+            minimum=1,
+            maximum=65535,
+            read_only=True,
         ),
         *DRIVETRAIN_PARAMETERS,
-    )  # fmt: skip
+    )
 
     def check_parameters(self, p):
         """Refuse what does not fit together."""
