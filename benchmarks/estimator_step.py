@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from traction_controller.estimation.slip_filter import SlipEstimation
+from traction_controller.estimation.slip_filter import SlipFilter
 from traction_evaluation.verification.chrono import CHRONO_RUNS, read_chrono
 from traction_model.soil.soil import load_soil
 from traction_model.vehicle.vehicle import load_vehicle
@@ -36,7 +36,7 @@ def steps(method):
     last = slice(-1000, None, 2)
     omega, torque, v = recording.omega[last], recording.torque[last], recording.v[last]
     order = np.r_[0 : len(v), len(v) - 1 : -1 : -1]
-    estimation = SlipEstimation(
+    estimation = SlipFilter(
         load_vehicle('tractor_4wd'), load_soil('sandy_loam_chrono'), method=method
     )
     for k in itertools.count():

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from traction_controller.estimation.slip_filter import SlipEstimation
+from traction_controller.estimation.slip_filter import SlipFilter
 from traction_evaluation.drives.recording import read_recording
 from traction_model.soil.soil import load_soil
 from traction_model.vehicle.vehicle import load_vehicle
@@ -46,7 +46,7 @@ def test_the_estimator_takes_the_tractor_of_the_field_data(tmp_path):
     assert recording.wheel_names == ('fl', 'fr', 'rl', 'rr')
     with BagReader(bag) as reader:
         vehicle = load_vehicle(reader.custom_data['vehicle'])
-        estimation = SlipEstimation(vehicle, load_soil(reader.custom_data['soil']))
+        estimation = SlipFilter(vehicle, load_soil(reader.custom_data['soil']))
         for each in reader.messages():
             t = (each.time - reader.start) * 1e-9
             if t > 300:

@@ -12,7 +12,7 @@ from traction_controller.control.driveline import Differential, Grouping
 from traction_controller.control.exit_reason import ExitReason, LimitStatus
 from traction_controller.control.set_point import SetPoint
 from traction_controller.control.slip_control import Degraded, Mode, TargetSource
-from traction_controller.estimation.slip_filter import SlipEstimation
+from traction_controller.estimation.slip_filter import SlipFilter
 from traction_controller.synthesis.gain_table import read_gain_table
 from traction_interfaces.msg import SlipEstimate, TerrainEstimate
 from traction_model.soil.soil import load_soil
@@ -384,7 +384,7 @@ def test_set_point_from_the_estimated_soil():
         'set_point': 'efficiency', 'set_point_rate': 0.05, 'set_point_time_constant': 0.1,
     }  # fmt: skip
     vehicle, soil = load_vehicle('tractor_4wd'), load_soil('sandy_loam_chrono')
-    stress = (2 * SlipEstimation(vehicle, soil).max_shear_stress).tolist()
+    stress = (2 * SlipFilter(vehicle, soil).max_shear_stress).tolist()
     seeker = SetPoint(vehicle, soil)
     # The front wheels' modulus is not known.
     modulus = [math.nan, math.nan, 0.04, 0.03]

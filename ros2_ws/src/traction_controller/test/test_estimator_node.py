@@ -10,7 +10,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 
 from traction_controller.estimation.odometry import UNOBSERVED
-from traction_controller.estimation.slip_filter import SlipEstimation, Source
+from traction_controller.estimation.slip_filter import SlipFilter, Source
 from traction_interfaces.msg import SlipEstimate
 from traction_model.contact.tractive import tractive_figures
 from traction_model.soil.soil import load_soil
@@ -119,7 +119,7 @@ def drive(field):
 
 
 def test_estimate_is_the_cores(drive):
-    core = SlipEstimation(load_vehicle('single_wheel_rig'), load_soil('paper_sand'))
+    core = SlipFilter(load_vehicle('single_wheel_rig'), load_soil('paper_sand'))
     for k in range(30):
         estimate = drive.step(omega=2.0 + 0.01 * k)
         core.wheel_states(0.01 * k, [2.0 + 0.01 * k], [TORQUE])

@@ -11,7 +11,7 @@ from traction_controller.estimation.immobilisation import (
     Reason,
     WarningLimits,
 )
-from traction_controller.estimation.slip_filter import SlipEstimation
+from traction_controller.estimation.slip_filter import SlipFilter
 from traction_evaluation.verification.chrono import CHRONO_RUNS
 from traction_model.simulation.drawbar import Drawbar
 from traction_model.simulation.plant import Plant
@@ -40,7 +40,7 @@ def drive_into_soft_patch(torque, pull, start, estimated):
         TRACTOR, Terrain([LOAM, SOFT], [start]), drawbar=Drawbar(pull, 1800.0, 2.0),
         torque_time_constant=0.2, max_power=150e3,
     )  # fmt: skip
-    warning, estimation = watch(TRACTOR), SlipEstimation(TRACTOR, LOAM)
+    warning, estimation = watch(TRACTOR), SlipFilter(TRACTOR, LOAM)
     radar = Radar(RadarModel(latency=0.1), seed=1)
     rows, stood = [], math.inf
     while plant.t < min(25.0, stood + 2.0):
@@ -117,7 +117,7 @@ def test_silent_on_recorded_runs(name, estimated, chrono):
     """None of Chrono's runs gets stuck, from standstill through soft patches to 56 m/s."""
     recording = chrono(name)
     warning = watch(recording.vehicle)
-    estimation = SlipEstimation(recording.vehicle, load_soil(CHRONO_RUNS[name].soils[0]))
+    estimation = SlipFilter(recording.vehicle, load_soil(CHRONO_RUNS[name].soils[0]))
     random = np.random.default_rng(sorted(CHRONO_RUNS).index(name))
     for k in range(0, len(recording.t), 2):
         t, omega, torque = recording.t[k], recording.omega[k], recording.torque[k]

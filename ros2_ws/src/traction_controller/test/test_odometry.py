@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from traction_controller.estimation.odometry import UNOBSERVED, PathOdometry, axle_yaw_rate
-from traction_controller.estimation.slip_filter import SlipEstimation
+from traction_controller.estimation.slip_filter import SlipFilter
 from traction_evaluation.verification.chrono import CHRONO_RUNS
 from traction_model.soil.soil import load_soil
 
@@ -174,7 +174,7 @@ def test_compensated_beats_wheels_on_recorded_runs(chrono, capsys):
     )  # fmt: skip
     for number, name in enumerate(names):
         recording = chrono(name)
-        estimation = SlipEstimation(recording.vehicle, load_soil(CHRONO_RUNS[name].soils[0]))
+        estimation = SlipFilter(recording.vehicle, load_soil(CHRONO_RUNS[name].soils[0]))
         random = np.random.default_rng(number)
         odometry = PathOdometry()
         wheels = 0.0

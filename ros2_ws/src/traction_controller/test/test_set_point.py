@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from traction_controller.control.set_point import SetPoint
-from traction_controller.estimation.slip_filter import SlipEstimation
+from traction_controller.estimation.slip_filter import SlipFilter
 from traction_model.contact.tractive import greatest_pull_slip, optimum_slip, tractive_figures
 from traction_model.soil.soil import load_soil
 from traction_model.vehicle.vehicle import load_vehicle
@@ -17,7 +17,7 @@ TRACTOR = load_vehicle('tractor_4wd')
 LOAM = load_soil('sandy_loam_chrono')
 K = LOAM.shear_deformation_modulus
 # What the estimator takes the nominal soil's strength to be, so that both mean the same.
-NOMINAL = SlipEstimation(TRACTOR, LOAM).max_shear_stress
+NOMINAL = SlipFilter(TRACTOR, LOAM).max_shear_stress
 ALL = [True] * 4
 # Bounds as wide as they go, so that goals can be told.
 SEEKER = SetPoint(TRACTOR, LOAM, low=0.01, high=0.6)

@@ -9,7 +9,7 @@ import pytest
 from traction_controller.estimation.slip_filter import (
     GUESSED_SOIL,
     EstimatorNoise,
-    SlipEstimation,
+    SlipFilter,
     Source,
 )
 from traction_evaluation.closed_loop.trial import steady_pull
@@ -34,7 +34,7 @@ def replay(chrono, name, silent=(math.inf, math.inf), method='ukf'):
     recording = chrono(name)
     vehicle = recording.vehicle
     radii = [wheel.radius for wheel in vehicle.wheels]
-    estimation = SlipEstimation(vehicle, load_soil(recording.run.soils[0]), method=method)
+    estimation = SlipFilter(vehicle, load_soil(recording.run.soils[0]), method=method)
     noise = np.random.default_rng(make_bags.SEEDS[name]).normal(0.0, RADAR_SIGMA, len(recording.t))
     rows = []
     for k in range(0, len(recording.t), 2):
@@ -95,7 +95,7 @@ def test_radar_wins_over_a_guessed_soil(speed, expected, most, seed):
     rim = speed / (1 - 0.1)
     torque, _ = steady_pull(vehicle, soil, expected, rim)
     omega = [rim / wheel.radius for wheel in vehicle.wheels]
-    estimation = SlipEstimation(vehicle, soil, GUESSED_SOIL)
+    estimation = SlipFilter(vehicle, soil, GUESSED_SOIL)
     noise = np.random.default_rng(seed)
     for k in range(1000):
         estimation.wheel_states(0.01 * k, omega, torque)
@@ -133,7 +133,7 @@ def test_shear_strength_of_a_soft_patch_within_three_seconds(chrono, name, enter
     recording = chrono(name)
     vehicle = recording.vehicle
     nominal, patch = (load_soil(soil) for soil in recording.run.soils)
-    estimation = SlipEstimation(vehicle, nominal)
+    estimation = SlipFilter(vehicle, nominal)
     # Nominal tau_max = c + (W/A)*tan(phi) gives W/A over the area that the estimate refers to.
     pressure = (estimation.max_shear_stress - nominal.cohesion) / math.tan(nominal.friction_angle)
     truth = np.array([patch.max_shear_stress(p) for p in pressure])
@@ -178,7 +178,7 @@ def test_source_follows_the_radar():
 
 
 def fresh():
-    return SlipEstimation(load_vehicle('single_wheel_rig'), load_soil('paper_sand'))
+    return SlipFilter(load_vehicle('single_wheel_rig'), load_soil('paper_sand'))
 
 
 def driving(seconds=1.0):
@@ -193,7 +193,7 @@ def driving(seconds=1.0):
 
 def snapshot(estimation):
     return (
-        estimation.t, estimation.v, estimation.v_variance, estimation.resistance,
+        estimation.t, estimation.v, estimation.v_variance, estimation.external_resistance,
         estimation.slip.tolist(), estimation.slip_variance.tolist(), estimation.valid.tolist(),
         estimation.gross_traction.tolist(), estimation.max_shear_stress.tolist(),
         estimation.source,
@@ -278,7 +278,7 @@ def test_late_and_out_of_order_as_if_in_time(chrono, method):
         (a + (0.025 if not kind and k % 10 == 0 and k > 1300 else 0.0), kind, k, t)
         for a, kind, k, t in arrival
     ]
-    pair = [SlipEstimation(recording.vehicle, soil, method=method) for _ in range(2)]
+    pair = [SlipFilter(recording.vehicle, soil, method=method) for _ in range(2)]
     for estimation, order in zip(
         pair, ([(k, kind, t) for t, kind, k in in_time],
                [(k, kind, t) for _, kind, k, t in sorted(arrival)]), strict=True,
@@ -291,17 +291,13 @@ def test_late_and_out_of_order_as_if_in_time(chrono, method):
     first, second = pair
     assert snapshot(first) == snapshot(second)
     assert first.sinkage.tolist() == second.sinkage.tolist()
-    assert first.resistance_variance == second.resistance_variance
+    assert first.external_resistance_variance == second.external_resistance_variance
 
 
 def test_latency_is_taken_off_the_stamp():
     timely = driving(1.0)
-    late = SlipEstimation(
-        load_vehicle('single_wheel_rig'), load_soil('paper_sand'), radar_latency=0.1
-    )
-    gnss = SlipEstimation(
-        load_vehicle('single_wheel_rig'), load_soil('paper_sand'), gnss_latency=0.1
-    )
+    late = SlipFilter(load_vehicle('single_wheel_rig'), load_soil('paper_sand'), radar_latency=0.1)
+    gnss = SlipFilter(load_vehicle('single_wheel_rig'), load_soil('paper_sand'), gnss_latency=0.1)
     for k in range(100):
         for estimation, sensor in ((late, late.radar), (gnss, gnss.gnss)):
             estimation.wheel_states(0.01 * k, [2.0], [800.0])
@@ -317,7 +313,7 @@ def test_latency_is_taken_off_the_stamp():
 
 
 def test_blind_radar_reads_nothing():
-    estimation = SlipEstimation(
+    estimation = SlipFilter(
         load_vehicle('single_wheel_rig'), load_soil('paper_sand'), radar_min_speed=0.5
     )
     for k in range(100):
@@ -340,7 +336,7 @@ def test_blind_radar_reads_nothing():
 def test_coarse_encoder_does_not_read_as_slip(chrono, name, most):
     recording = chrono(name)
     tachometer = Tachometer(len(recording.vehicle.wheels), 60)
-    estimation = SlipEstimation(
+    estimation = SlipFilter(
         recording.vehicle, load_soil(recording.run.soils[0]), tachometer_pulses=60
     )
     noise = np.random.default_rng(make_bags.SEEDS[name]).normal(0.0, RADAR_SIGMA, len(recording.t))
@@ -397,7 +393,7 @@ def test_torque_that_only_spins_the_wheel_up_is_no_thrust(rate):
 
 def tractor_at(speed):
     """A tractor rolling at a speed for 2 s, its radar at 20 Hz."""
-    estimation = SlipEstimation(load_vehicle('tractor_4wd'), load_soil('sandy_loam_chrono'))
+    estimation = SlipFilter(load_vehicle('tractor_4wd'), load_soil('sandy_loam_chrono'))
     rolling = [speed / wheel.radius for wheel in estimation.vehicle.wheels]
     for k in range(200):
         estimation.wheel_states(0.01 * k, rolling, [0.0] * 4)
@@ -486,7 +482,7 @@ def test_noise_refuses(fault):
 @pytest.mark.parametrize('fault', ['min_speed', 'radar_timeout'])
 def test_estimation_refuses(fault):
     with pytest.raises(ValueError, match=f'{fault} must be above 0, got 0.0'):
-        SlipEstimation(load_vehicle('single_wheel_rig'), load_soil('paper_sand'), **{fault: 0.0})
+        SlipFilter(load_vehicle('single_wheel_rig'), load_soil('paper_sand'), **{fault: 0.0})
 
 
 @pytest.mark.parametrize(
@@ -496,7 +492,7 @@ def test_estimation_refuses(fault):
 )  # fmt: skip
 def test_estimation_refuses_what_sensors_cannot_be(fault, value):
     with pytest.raises(ValueError, match=f'{fault} must be 0 to'):
-        SlipEstimation(load_vehicle('single_wheel_rig'), load_soil('paper_sand'), **{fault: value})
+        SlipFilter(load_vehicle('single_wheel_rig'), load_soil('paper_sand'), **{fault: value})
 
 
 def test_other_rolling_radius_moves_rim_slip_and_thrust():
@@ -545,7 +541,7 @@ def test_mobilisation_is_thrust_over_strength():
     # which the nominal soil carries the wheel at rest: mean pressure W/(b*l) gives it back.
     soil = load_soil('paper_sand')
     [load] = load_vehicle('single_wheel_rig').static_loads()
-    stress = float(SlipEstimation(load_vehicle('single_wheel_rig'), soil).max_shear_stress[0])
+    stress = float(SlipFilter(load_vehicle('single_wheel_rig'), soil).max_shear_stress[0])
     area = load * math.tan(soil.friction_angle) / (stress - soil.cohesion)
     strength = float(estimation.max_shear_stress[0]) * area
     assert estimation.mobilisation == pytest.approx(float(estimation.gross_traction[0]) / strength)

@@ -15,7 +15,8 @@ from traction_controller.estimation.immobilisation import Immobilisation
 from traction_controller.estimation.odometry import PathOdometry
 from traction_controller.estimation.radius_calibration import RadiusCalibration
 from traction_controller.estimation.rolling_radius import RollingRadius
-from traction_controller.estimation.slip_filter import EstimatorNoise, SlipEstimation, Source
+from traction_controller.estimation.slip_filter import EstimatorNoise, SlipFilter, Source
+from traction_controller.estimation.vehicle_estimator import VehicleEstimator
 from traction_controller.synthesis.gain_schedule import ControlWeights, GainSchedule
 
 __all__ = [
@@ -36,10 +37,11 @@ __all__ = [
     'Reading',
     'RollingRadius',
     'SlipControl',
-    'SlipEstimation',
+    'SlipFilter',
     'SlipLaw',
     'Source',
     'TargetSource',
+    'VehicleEstimator',
     'WheelOutcome',
     'make_law',
 ]

@@ -1,7 +1,7 @@
 """Compile the kernels once, so that a node does not have to when it starts."""
 
 from traction_controller.estimation.kalman import Method
-from traction_controller.estimation.slip_filter import SlipEstimation
+from traction_controller.estimation.slip_filter import SlipFilter
 from traction_model.soil.soil import load_soil
 from traction_model.vehicle.vehicle import load_vehicle
 
@@ -9,7 +9,7 @@ from traction_model.vehicle.vehicle import load_vehicle
 def main() -> None:
     """Run every kernel of the package."""
     for method in Method:
-        estimation = SlipEstimation(
+        estimation = SlipFilter(
             load_vehicle('single_wheel_rig'), load_soil('paper_sand'), method=method.name.lower()
         )
         for k in range(3):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from traction_controller.control.slip_control import Mode, SlipControl
-from traction_controller.estimation.slip_filter import SlipEstimation
+from traction_controller.estimation.slip_filter import SlipFilter
 from traction_evaluation.closed_loop.closed_loop import DT, ClosedLoop, Drive, Sensors, Truth
 from traction_evaluation.closed_loop.scenario import SCENARIOS, run_scenario
 from traction_model.contact.contact import shear_deficit
@@ -37,7 +37,7 @@ def loop(seed=1, control=True, sees=True, sensors=NOISY):
     return ClosedLoop(
         plant(),
         SlipControl(TRACTOR, 0.15, Mode.HOLD, lag=0.2, law='pi') if control else None,
-        SlipEstimation(TRACTOR, LOAM) if sees else None,
+        SlipFilter(TRACTOR, LOAM) if sees else None,
         sensors,
         seed,
     )

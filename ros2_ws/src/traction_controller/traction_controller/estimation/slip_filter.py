@@ -160,7 +160,7 @@ class Reading:
         self.newest = np.zeros(tracks, dtype=np.int64)
 
 
-class SlipEstimation:
+class SlipFilter:
     """Estimates slip, ground speed and soil from tachometers, torque and ground speed sensors.
 
     Parameters
@@ -346,7 +346,7 @@ class SlipEstimation:
         self._readings: deque[Reading] = deque()
         self._spare: list[Reading] = []
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> 'SlipEstimation':
+    def __deepcopy__(self, memo: dict[int, Any]) -> 'SlipFilter':
         # A plain copy would tear apart what lies in one array.
         other = copy.copy(self)
         memo[id(self)] = other
@@ -405,7 +405,7 @@ class SlipEstimation:
         ValueError
             If there is not a radius above 0 for every wheel; nothing changes then.
         """
-        radii = self._checked('rolling radius', radius)
+        radii = self.checked('rolling radius', radius)
         if np.any(radii <= 0.0):
             raise ValueError(f'rolling radius must be above 0 m, got {radii.tolist()}')
         changed = np.abs(radii / self._wheels[:, RADIUS] - 1.0) > OTHER_RADIUS
@@ -446,7 +446,7 @@ class SlipEstimation:
         return np.asarray(self._memory[:, MOMENT] / self._wheels[:, RADIUS])
 
     @property
-    def resistance(self) -> float:
+    def external_resistance(self) -> float:
         """All that holds the vehicle back, N, positive against forward motion.
 
         Motion resistance of the wheels, drawbar, grade and air.
@@ -454,8 +454,8 @@ class SlipEstimation:
         return float(self._x[DRAWBAR] + self._memory[:, RESISTANCE].sum())
 
     @property
-    def resistance_variance(self) -> float:
-        """Variance of `resistance`, N^2."""
+    def external_resistance_variance(self) -> float:
+        """Variance of `external_resistance`, N^2."""
         slope = np.zeros(len(self._x))
         slope[DRAWBAR] = 1.0
         slope[FIRST_WHEEL:] = self._memory[:, BY_STRENGTH : BY_STRENGTH + PER_WHEEL].ravel()
@@ -564,8 +564,8 @@ class SlipEstimation:
             If a number is not finite, their count is not that of the wheels, or the reading is
             too old; nothing is taken in then.
         """
-        omega = self._checked('wheel speed', omega)
-        torque = self._checked('shaft torque', torque)
+        omega = self.checked('wheel speed', omega)
+        torque = self.checked('shaft torque', torque)
         if not math.isfinite(t):
             raise ValueError(f'time of measurement is not finite: {t}')
         if self.t is not None:
@@ -821,7 +821,26 @@ class SlipEstimation:
             )
             self.valid[j] = is_valid(v, rim, self.min_speed) and v_valid
 
-    def _checked(self, what: str, values: ArrayLike) -> NDArray[np.float64]:
+    def checked(self, what: str, values: ArrayLike) -> NDArray[np.float64]:
+        """Check that there is one finite number for each wheel.
+
+        Parameters
+        ----------
+        what : str
+            What the values are, for errors: 'wheel speed'.
+        values : array_like, shape (n,)
+            The values, any unit.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            The values, in their unit.
+
+        Raises
+        ------
+        ValueError
+            Naming the wheel whose value is not finite, or their count.
+        """
         array = np.asarray(values, dtype=float)
         if array.shape != (self.n_wheels,):
             raise ValueError(

@@ -16,7 +16,7 @@ from traction_controller.estimation.odometry import UNOBSERVED, PathOdometry, ax
 from traction_controller.estimation.plausibility import Plausibility
 from traction_controller.estimation.radius_calibration import GroundSource, RadiusCalibration
 from traction_controller.estimation.rolling_radius import FirmGround
-from traction_controller.estimation.slip_filter import EstimatorNoise, SlipEstimation, Source
+from traction_controller.estimation.slip_filter import EstimatorNoise, SlipFilter, Source
 from traction_model.soil.soil import load_soil
 from traction_model.vehicle.vehicle import load_vehicle
 from traction_node import diagnostic
@@ -310,7 +310,7 @@ class SlipEstimatorBehaviour(Behaviour):
         p = self.host.p
         vehicle = load_vehicle(p.vehicle)
         noise = {f.name: getattr(p, f'noise_{f.name}') for f in fields(EstimatorNoise)}
-        self._estimation = SlipEstimation(
+        self._estimation = SlipFilter(
             vehicle,
             load_soil(p.soil),
             EstimatorNoise(**noise),
@@ -391,7 +391,7 @@ class SlipEstimatorBehaviour(Behaviour):
         """Seconds since the first reading; a clock that was set back starts everything over."""
         if self._epoch is not None:
             t = between(self._epoch, stamp)
-            if t > self._newest - SlipEstimation.LONGEST_GAP:
+            if t > self._newest - SlipFilter.LONGEST_GAP:
                 self._newest = max(self._newest, t)
                 return t
             self.host.get_logger().warning(
@@ -580,8 +580,8 @@ class SlipEstimatorBehaviour(Behaviour):
         terrain.sinkage = estimation.sinkage.tolist()
         terrain.sinkage_variance = estimation.sinkage_variance.tolist()
         terrain.valid = estimation.strength_known.tolist()
-        terrain.external_resistance = estimation.resistance
-        terrain.external_resistance_variance = estimation.resistance_variance
+        terrain.external_resistance = estimation.external_resistance
+        terrain.external_resistance_variance = estimation.external_resistance_variance
         self._publish_terrain(terrain)
 
     def _send_odometry(self, stamp):

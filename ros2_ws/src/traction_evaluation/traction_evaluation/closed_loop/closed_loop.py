@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from traction_controller.control.slip_control import SlipControl
-from traction_controller.estimation.slip_filter import SlipEstimation, Source
+from traction_controller.estimation.slip_filter import SlipFilter, Source
 from traction_model.contact.contact import shear_deficit
 from traction_model.simulation.plant import Plant
 from traction_model.simulation.sensors import Radar, RadarModel, Tachometer
@@ -128,7 +128,7 @@ class Truth:
     v : float
         Speed over ground, m/s.
     slip, slip_variance, rim_speed, valid, thrust, slip_stiffness : ndarray, shape (n,)
-        As of `SlipEstimation`; dimensionless, dimensionless, m/s, dimensionless, N, N. The
+        As of `SlipFilter`; dimensionless, dimensionless, m/s, dimensionless, N, N. The
         stiffness is that of the thrust curve through the plant's sinkage and tau_max.
     source : Source
         A sensor, so to speak.
@@ -177,7 +177,7 @@ class ClosedLoop:
         The vehicle on its soil, with the lag of its drive.
     control : SlipControl or None
         What finds the torque; without, wheels get the torque requested.
-    estimation : SlipEstimation or None
+    estimation : SlipFilter or None
         What the control sees; without, it sees the truth.
     sensors : Sensors
         Their faults.
@@ -199,7 +199,7 @@ class ClosedLoop:
         self,
         plant: Plant,
         control: SlipControl | None,
-        estimation: SlipEstimation | None,
+        estimation: SlipFilter | None,
         sensors: Sensors,
         seed: int,
         *,
@@ -253,7 +253,7 @@ class ClosedLoop:
             self._radar.measure(t, v)
         target = math.nan
         command = list(request)
-        seen: SlipEstimation | Truth = self._truth
+        seen: SlipFilter | Truth = self._truth
         if estimation is None:
             self._truth.look()
         else:

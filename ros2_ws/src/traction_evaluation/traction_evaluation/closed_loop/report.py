@@ -29,7 +29,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from traction_controller.control.slip_control import Mode, SlipControl
-from traction_controller.estimation.slip_filter import GUESSED_SOIL, SlipEstimation
+from traction_controller.estimation.slip_filter import GUESSED_SOIL, SlipFilter
 from traction_controller.synthesis.certificate import DENSER
 from traction_controller.synthesis.gain_table import read_gain_table, read_table_file
 from traction_evaluation.closed_loop import scenario, trial
@@ -137,7 +137,7 @@ def estimation(controller, pulses_per_turn):
     vehicle, soil = _nominal()
     if controller.truth:
         return None
-    return SlipEstimation(
+    return SlipFilter(
         vehicle, soil, GUESSED_SOIL, method=METHOD, tachometer_pulses=pulses_per_turn
     )
 
@@ -605,7 +605,7 @@ def time_steps(every):
 
         times[controller.text] = evaluate_estimation.step_time(step)
         rows.append([controller.text, f'{1e6 * times[controller.text]:.0f}'])
-    sees = SlipEstimation(vehicle, soil, method=METHOD)
+    sees = SlipFilter(vehicle, soil, method=METHOD)
     speeds = np.array(rims) / [wheel.radius for wheel in vehicle.wheels]
     t = 0.0
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from traction_controller.control.slip_control import SlipControl
-from traction_controller.estimation.slip_filter import SlipEstimation
+from traction_controller.estimation.slip_filter import SlipFilter
 from traction_evaluation.closed_loop.closed_loop import DT, ClosedLoop, Drive, Sensors
 from traction_model.simulation.drawbar import Drawbar
 from traction_model.simulation.plant import Plant
@@ -71,7 +71,7 @@ SCENARIOS = {
 def run_scenario(
     name: str,
     vehicle: Vehicle,
-    estimation: SlipEstimation | None,
+    estimation: SlipFilter | None,
     control: SlipControl | None,
     seed: int = 1,
 ) -> Drive:
@@ -83,7 +83,7 @@ def run_scenario(
         One of `SCENARIOS`.
     vehicle : Vehicle
         What drives, SI units.
-    estimation : SlipEstimation or None
+    estimation : SlipFilter or None
         What the control sees; None: the truth.
     control : SlipControl or None
         What limits slip; None: wheels get what is asked for.

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from traction_controller.control.slip_control import SlipControl
-from traction_controller.estimation.slip_filter import SlipEstimation
+from traction_controller.estimation.slip_filter import SlipFilter
 from traction_evaluation.closed_loop.closed_loop import DT, ClosedLoop, Drive, Sensors
 from traction_model.contact.tractive import steady_contact
 from traction_model.distribution import Distribution
@@ -327,7 +327,7 @@ def run_trial(
     draw: Draw,
     vehicle: Vehicle,
     soil: Soil,
-    estimation: Callable[[Draw], SlipEstimation | None],
+    estimation: Callable[[Draw], SlipFilter | None],
     control: Callable[[Draw], SlipControl],
     quiet: bool = True,
 ) -> Trial:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from traction_controller.estimation.slip_filter import SlipEstimation
+from traction_controller.estimation.slip_filter import SlipFilter
 from traction_evaluation.drives.recording import Array, vehicle_and_soil, vehicle_prefix
 from traction_model.soil.soil import load_soil
 from traction_model.vehicle.vehicle import load_vehicle
@@ -183,7 +183,7 @@ def estimate_errors(
         )
         vehicle, soil = vehicle_and_soil(bag, vehicle, soil)
         model = load_vehicle(vehicle)
-        estimation = SlipEstimation(model, load_soil(soil), min_speed=min_speed, method=method)
+        estimation = SlipFilter(model, load_soil(soil), min_speed=min_speed, method=method)
         speeds = JointOrder(model.wheel_names, 'wheel_states velocity')
         torques = JointOrder(model.wheel_names, 'wheel_states effort')
         start, end = bag.start, bag.end

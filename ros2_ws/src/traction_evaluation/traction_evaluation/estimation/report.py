@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from traction_controller.estimation.slip_filter import SlipEstimation
+from traction_controller.estimation.slip_filter import SlipFilter
 from traction_evaluation.estimation import field_data as field_data
 from traction_evaluation.estimation.estimate_errors import estimate_errors
 from traction_evaluation.verification.chrono import CHRONO_RUNS, SAMPLE_TIME, read_chrono
@@ -107,7 +107,7 @@ def soil_change(name, method, seed):
         area = wheel.width * static_contact_length(nominal, wheel, load)
         truth.append(soft.max_shear_stress(load / area))
     noise = np.random.default_rng(seed).normal(0.0, RADAR_SIGMA, len(recording.t))
-    sees = SlipEstimation(vehicle, nominal, method=method)
+    sees = SlipFilter(vehicle, nominal, method=method)
     found = []
     rows = range(0, len(recording.t), WHEELS_EVERY)
     for k in rows:

@@ -1,0 +1,605 @@
+"""Slip, speed, soil, pose and immobilisation of a vehicle from what its sensors say.
+
+One object that node, replay and evaluation run alike. It checks every reading for plausibility,
+feeds the slip filter, the track of a satellite receiver, the calibration of rolling radii, the
+odometry and the warning of immobilisation, and starts over where time jumps.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import fields
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from traction_controller.estimation.gnss import GnssTrack
+from traction_controller.estimation.immobilisation import Immobilisation, Level, WarningLimits
+from traction_controller.estimation.kalman import method_named
+from traction_controller.estimation.odometry import PathOdometry, axle_yaw_rate
+from traction_controller.estimation.plausibility import Plausibility
+from traction_controller.estimation.radius_calibration import GroundSource, RadiusCalibration
+from traction_controller.estimation.rolling_radius import FirmGround
+from traction_controller.estimation.slip_filter import EstimatorNoise, SlipFilter, Source
+from traction_model.soil.soil import Soil, load_soil
+from traction_model.vehicle.vehicle import Vehicle, load_vehicle
+
+Array = NDArray[np.float64]
+
+
+class Health(IntEnum):
+    """Health of the estimate, numbered as in diagnostic_msgs/msg/DiagnosticStatus."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+
+
+class VehicleEstimator:
+    """Estimates slip, speed, soil, pose and immobilisation of one vehicle.
+
+    Built by `from_parameters`. Readings that cannot be used are passed over: the method returns
+    False and `refused` says why.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        The vehicle, SI units.
+    soil : Soil
+        Nominal soil: what is expected until a wheel tells otherwise.
+    noise : EstimatorNoise
+        How far the filter's model is trusted.
+    min_speed : float
+        Speed of rim or vehicle below which slip is not valid, m/s, above 0.
+    radar_timeout : float
+        Silence after which slip rests on torque alone, s, above 0.
+    radar_variance : float
+        Variance of a measured speed that does not state one, m^2/s^2, above 0.
+    stuck_time : float
+        Time for which a reading may stay the same while others change, s; 0: for ever. See
+        `Plausibility`.
+    terrain_rate, odometry_rate : float
+        Rates at which soil and pose are published, Hz, above 0.
+    method : {'ukf', 'ekf', 'scheduled_gain'}
+        Kalman filter.
+    tachometer_pulses : float
+        Pulses per turn that the tachometers count; 0 for ideal ones.
+    radar_latency, gnss_latency : float
+        Time by which stamps are later than what they stamp, s, 0 to 0.5.
+    radar_min_speed : float
+        Speed below which the radar is blind, m/s, at least 0.
+    calibrate_radius : bool
+        Whether rolling radii are calibrated while the wheels pull little.
+    calibration_effort : float
+        Gross traction over load up to which a wheel pulls little, dimensionless, above 0.
+    track_width : float
+        Distance between the outer wheels of the rear axle, which must not steer, m; 0: yaw is
+        not estimated.
+    warning_horizon : float
+        Time to standstill at which immobilisation is warned of, s, above 0.
+    warning_slip : float
+        Share of power lost in slip at which immobilisation is warned of, dimensionless, above 0.
+
+    Attributes
+    ----------
+    slip_filter : SlipFilter
+        Slip, speed and soil.
+    odometry : PathOdometry
+        Distance and pose; they outlast `reset`.
+    gnss_track : GnssTrack
+        Speed and heading from positions.
+    immobilisation : Immobilisation
+        How near the vehicle is to being stuck.
+    calibration : RadiusCalibration
+        Rolling radii, m; they outlast `reset`.
+    yaw_rate, yaw_rate_variance : float
+        rad/s, counter-clockwise positive, and rad^2/s^2; infinite while yaw is not observed.
+    refused : dict of str to str
+        Why the newest reading of a source was refused, by the name of its topic.
+    disbelieved : set of str
+        Sources of speed whose newest reading contradicts wheels and torque.
+    gnss_jumped : bool
+        Whether the newest position was refused as a jump.
+    time_jumped_back : float
+        By how much the newest reading of the wheels set time back and started the estimate
+        anew, s; 0 where it did not.
+    terrain_due, odometry_due : bool
+        Whether soil and pose are to be published with the newest reading of the wheels.
+    health_due : bool
+        Whether `health` is to be told with the newest reading: it may have changed.
+
+    Raises
+    ------
+    ValueError
+        Naming what is out of its range.
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        soil: Soil,
+        *,
+        noise: EstimatorNoise,
+        min_speed: float,
+        radar_timeout: float,
+        radar_variance: float,
+        stuck_time: float,
+        terrain_rate: float,
+        odometry_rate: float,
+        method: str,
+        tachometer_pulses: float,
+        radar_latency: float,
+        gnss_latency: float,
+        radar_min_speed: float,
+        calibrate_radius: bool,
+        calibration_effort: float,
+        track_width: float,
+        warning_horizon: float,
+        warning_slip: float,
+    ) -> None:
+        for name, value in (('terrain_rate', terrain_rate), ('odometry_rate', odometry_rate)):
+            if not (math.isfinite(value) and value > 0):
+                raise ValueError(f'{name} must be above 0, got {value}')
+        _check_track_width(track_width, vehicle)
+        self.vehicle = vehicle
+        self.slip_filter = SlipFilter(
+            vehicle,
+            soil,
+            noise,
+            min_speed,
+            radar_timeout,
+            radar_variance,
+            method=method,
+            tachometer_pulses=tachometer_pulses,
+            radar_latency=radar_latency,
+            gnss_latency=gnss_latency,
+            radar_min_speed=radar_min_speed,
+        )
+        self.calibration = RadiusCalibration(
+            vehicle, FirmGround(largest_effort=calibration_effort)
+        )
+        self.gnss_track = GnssTrack(latency=gnss_latency, min_speed=min_speed)
+        self._nominal_radius = self.slip_filter.rolling_radius
+        self.immobilisation = Immobilisation(
+            self._nominal_radius,
+            float(vehicle.static_loads().sum()),
+            WarningLimits(horizon=warning_horizon, slip=warning_slip, min_speed=min_speed),
+        )
+        self.odometry = PathOdometry()
+        self._plausibility = Plausibility(vehicle, min_speed, tachometer_pulses, stuck_time)
+        self._min_speed = min_speed
+        self._radar_min_speed = radar_min_speed
+        self._radar_latency, self._gnss_latency = radar_latency, gnss_latency
+        self._calibrate_radius = calibrate_radius
+        self._track_width = track_width
+        self._terrain_period, self._odometry_period = 1.0 / terrain_rate, 1.0 / odometry_rate
+        names = vehicle.wheel_names
+        rear = rear_axle_wheels(vehicle)
+        self._left, self._right = names.index(rear[0]), names.index(rear[-1])
+        self.reset()
+
+    @classmethod
+    def from_parameters(
+        cls, p: Any, vehicle: Vehicle | None = None, soil: Soil | None = None
+    ) -> 'VehicleEstimator':
+        """Build an estimator from the parameters of the node `slip_estimator`.
+
+        Parameters
+        ----------
+        p : namespace
+            One attribute for each of the node's parameters, in their units.
+        vehicle : Vehicle, optional
+            A definition in place of the one that `p.vehicle` names, SI units.
+        soil : Soil, optional
+            A definition in place of the one that `p.soil` names, SI units.
+
+        Returns
+        -------
+        VehicleEstimator
+            With nothing measured yet.
+
+        Raises
+        ------
+        ValueError
+            Naming the parameter, or file and key of a definition that cannot be loaded.
+        """
+        return cls(
+            load_vehicle(p.vehicle) if vehicle is None else vehicle,
+            load_soil(p.soil) if soil is None else soil,
+            noise=EstimatorNoise(
+                **{f.name: getattr(p, f'noise_{f.name}') for f in fields(EstimatorNoise)}
+            ),
+            **{name: getattr(p, name) for name in _PARAMETERS},
+        )
+
+    @staticmethod
+    def check_parameters(p: Any) -> None:
+        """Refuse parameters from which no estimator can be built, without building one.
+
+        Parameters
+        ----------
+        p : namespace
+            As of `from_parameters`.
+
+        Raises
+        ------
+        ValueError
+            As of `from_parameters`.
+        """
+        vehicle = load_vehicle(p.vehicle)
+        load_soil(p.soil)
+        method_named(p.method)
+        _check_track_width(p.track_width, vehicle, p.vehicle)
+
+    def reset(self) -> None:
+        """Estimate anew; the distance travelled so far and calibrated radii stay."""
+        self.slip_filter.reset()
+        self._plausibility.reset()
+        # After a start over on the move, slip is not valid until a speed over ground comes or
+        # the vehicle stands: without them, slip would be taken for speed.
+        self._on_the_move = False
+        self.calibration.restart()
+        self.gnss_track.reset()
+        self.immobilisation.reset()
+        self.yaw_rate, self.yaw_rate_variance = 0.0, math.inf
+        self.gnss_jumped = False
+        self.time_jumped_back = 0.0
+        self._travelled_t: float | None = None
+        # Of readings of the wheels, believed or not.
+        self._newest: float | None = None
+        self._terrain_t = self._odometry_t = -math.inf
+        self.terrain_due = self.odometry_due = self.health_due = False
+        self.refused: dict[str, str] = {}
+        self.disbelieved: set[str] = set()
+
+    @property
+    def t(self) -> float | None:
+        """Time of the newest reading of the wheels taken in, s; None before the first."""
+        return self.slip_filter.t
+
+    @property
+    def slip(self) -> Array:
+        """Slip of every wheel, -1 to 1, shape (n,)."""
+        return self.slip_filter.slip
+
+    @property
+    def slip_variance(self) -> Array:
+        """Variance of `slip`, dimensionless, shape (n,)."""
+        return self.slip_filter.slip_variance
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Whether each slip means anything, shape (n,)."""
+        return self.slip_filter.valid & (not self._on_the_move)
+
+    @property
+    def rim_speed(self) -> Array:
+        """r*omega of every wheel, m/s, shape (n,)."""
+        return self.slip_filter.rim_speed
+
+    @property
+    def v(self) -> float:
+        """Speed over ground, m/s, forward positive."""
+        return self.slip_filter.v
+
+    @property
+    def v_variance(self) -> float:
+        """Variance of `v`, m^2/s^2."""
+        return self.slip_filter.v_variance
+
+    @property
+    def v_valid(self) -> bool:
+        """Whether `v` means anything."""
+        return self.slip_filter.v_valid and not self._on_the_move
+
+    @property
+    def source(self) -> Source:
+        """What `v` rests on at present."""
+        return self.slip_filter.source
+
+    @property
+    def gross_traction(self) -> Array:
+        """Moment of the soil over the rolling radius, N, forward positive, shape (n,)."""
+        return self.slip_filter.gross_traction
+
+    @property
+    def slip_stiffness(self) -> Array:
+        """Slope of gross traction over slip at the present slip, N, shape (n,)."""
+        return self.slip_filter.slip_stiffness
+
+    @property
+    def health(self) -> tuple[Health, str]:
+        """Health of the estimate, and the reason in words."""
+        watch = self.immobilisation
+        if self.refused:
+            return Health.ERROR, 'refused: ' + '; '.join(self.refused.values())
+        if self._newest is None:
+            return Health.WARN, 'waiting for wheel_states'
+        if watch.level is Level.IMMOBILISED:
+            return Health.ERROR, f'immobilised: {watch.reason.value}'
+        if watch.level is Level.WARNING:
+            return Health.WARN, f'immobilisation is near: {watch.reason.value}'
+        if self.gnss_jumped:
+            return Health.WARN, 'gnss has jumped: refused'
+        if self.disbelieved:
+            sources = ' and '.join(sorted(self.disbelieved))
+            return Health.WARN, f'{sources} against wheels and torque: not believed'
+        if self.source is Source.WHEEL:
+            return Health.WARN, 'radar silent: slip rests on shaft torque'
+        return Health.OK, 'estimating'
+
+    @property
+    def radius_state(self) -> str:
+        """State of the calibration of rolling radii, in words; 'off' where there is none."""
+        return self.calibration.state.value if self._calibrate_radius else 'off'
+
+    def refuse(self, source: str, reason: str) -> None:
+        """Note that a reading cannot be used, for `health`.
+
+        Parameters
+        ----------
+        source : str
+            Name of its topic.
+        reason : str
+            Why, in words.
+        """
+        self.refused[source] = reason
+        self.health_due = True
+
+    def wheel_states(self, t: float, omega: ArrayLike, torque: ArrayLike) -> bool:
+        """Update with a reading of all tachometers and shaft torques.
+
+        Parameters
+        ----------
+        t : float
+            Time of measurement, s from any origin, the same for all sensors. A time half a
+            second or more before the newest means that the clock was set: everything starts
+            over.
+        omega : array_like, shape (n,)
+            Wheel speeds, rad/s, forward positive.
+        torque : array_like, shape (n,)
+            Shaft torques, N*m, forward positive.
+
+        Returns
+        -------
+        bool
+            False where the reading was refused: not finite, not one number for each wheel,
+            implausible, or late by too much. `refused` says why.
+        """
+        self.time_jumped_back = 0.0
+        self.terrain_due = self.odometry_due = self.health_due = False
+        try:
+            speeds = self.slip_filter.checked('wheel speed', omega)
+            torques = self.slip_filter.checked('shaft torque', torque)
+            self._follow_time(t)
+            self._update_filter(t, speeds, torques)
+        except ValueError as error:
+            self.refuse('wheel_states', str(error))
+            return False
+        self.refused.pop('wheel_states', None)
+        # A reading that came late has changed the estimate, not the time.
+        if self.t is not None and t >= self.t:
+            self.calibration.wheels(t, speeds, self.gross_traction)
+            self.gnss_track.wheels(t, float(self.rim_speed.mean()))
+            self._travel(t)
+            self._watch(t, speeds, torques)
+        standing = np.abs(self.rim_speed).max() < self._min_speed
+        if self.source is not Source.WHEEL or standing:
+            self._on_the_move = False
+        # A microsecond less: stamps come in steps.
+        if t >= self._terrain_t:
+            self._terrain_t = t + self._terrain_period - 1e-6
+            self.terrain_due = self.health_due = True
+        if t >= self._odometry_t:
+            self._odometry_t = t + self._odometry_period - 1e-6
+            self.odometry_due = True
+        return True
+
+    def radar(self, t: float, v: float, variance: float) -> bool:
+        """Update with a radar reading.
+
+        Parameters
+        ----------
+        t : float
+            Its stamp, s: `radar_latency` later than the measurement.
+        v : float
+            Speed over ground, m/s, forward positive.
+        variance : float
+            Its variance, m^2/s^2; 0 stands for `radar_variance`.
+
+        Returns
+        -------
+        bool
+            False where it was refused (`refused` says why), not believed (`disbelieved`), below
+            `radar_min_speed`, or before the first reading of the wheels.
+        """
+        return self._speed('radar', t, v, variance)
+
+    def gnss_velocity(self, t: float, v: float, variance: float) -> bool:
+        """Update with a speed over ground from a satellite receiver.
+
+        Parameters
+        ----------
+        t : float
+            Its stamp, s: `gnss_latency` later than the measurement.
+        v : float
+            Speed along the vehicle, m/s, forward positive.
+        variance : float
+            Its variance, m^2/s^2; 0 stands for `radar_variance`.
+
+        Returns
+        -------
+        bool
+            False where it was refused, not believed, or before the first reading of the wheels.
+        """
+        return self._speed('gnss_velocity', t, v, variance)
+
+    def gnss(self, t: float, position: ArrayLike) -> bool:
+        """Update with a position from a satellite receiver.
+
+        Parameters
+        ----------
+        t : float
+            Its stamp, s: `gnss_latency` later than the measurement.
+        position : array_like, shape (2,) or (3,)
+            East, north and, if known, up, m, in any fixed frame.
+
+        Returns
+        -------
+        bool
+            False where it was refused, is a jump, says nothing about the speed that can be
+            believed, or came before the first reading of the wheels.
+        """
+        self.health_due = False
+        if self._newest is None:
+            return False
+        track = self.gnss_track
+        believed = True
+        try:
+            self.gnss_jumped = not track.fix(t, position)
+            if math.isfinite(track.reading_variance):
+                # The filter takes the latency away again.
+                believed = self.slip_filter.gnss(
+                    track.speed_t + track.latency, track.reading, track.reading_variance
+                )
+        except (ValueError, OverflowError) as error:
+            self.refuse('gnss', str(error))
+            return False
+        self.refused.pop('gnss', None)
+        self._note_belief('gnss', believed)
+        self._calibrate(lambda: self.calibration.fix(track))
+        return believed and not self.gnss_jumped
+
+    def _follow_time(self, t: float) -> None:
+        """Start over where the clock was set."""
+        if not math.isfinite(t):
+            raise ValueError(f'time of measurement is not finite: {t}')
+        if self._newest is None:
+            self._newest = t
+        elif t > self._newest - SlipFilter.LONGEST_GAP:
+            self._newest = max(self._newest, t)
+        else:
+            back = self._newest - t
+            self.reset()
+            self._newest, self.time_jumped_back = t, back
+            self._on_the_move = True
+
+    def _update_filter(self, t: float, omega: Array, torque: Array) -> None:
+        slip_filter = self.slip_filter
+        v = slip_filter.v if slip_filter.v_valid else math.nan
+        self._plausibility.wheels(t, omega.tolist(), torque.tolist(), v)
+        if slip_filter.t is not None and t - slip_filter.t > slip_filter.LONGEST_GAP:
+            # The filter starts over, too.
+            self._on_the_move = True
+        slip_filter.wheel_states(t, omega, torque)
+
+    def _travel(self, t: float) -> None:
+        """Move the pose on."""
+        before, self._travelled_t = self._travelled_t, t
+        if before is None or t - before > SlipFilter.LONGEST_GAP:
+            return
+        # Of the filter's own validity: after a start over on the move, too, this is the best
+        # guess of the slip that its speed compensates.
+        valid = self.slip_filter.valid
+        slip = float(self.slip[valid].mean()) if valid.any() else 0.0
+        deviation = 0.0
+        if self.source is Source.WHEEL:
+            # A measured speed does not rest on the radii.
+            variance = self.calibration.radius_variance / self.slip_filter.rolling_radius**2
+            deviation = math.sqrt(variance.mean())
+        if self._track_width:
+            rims = self.rim_speed
+            self.yaw_rate, self.yaw_rate_variance = axle_yaw_rate(
+                rims[self._left], rims[self._right], slip, self._track_width
+            )
+        self.odometry.advance(
+            t - before, self.v, self.v_variance, slip, deviation,
+            self.yaw_rate, self.yaw_rate_variance,
+        )  # fmt: skip
+
+    def _watch(self, t: float, omega: Array, torque: Array) -> None:
+        """Look for signs that the vehicle gets stuck."""
+        watch = self.immobilisation
+        before = watch.level
+        # It knows nominal radii: rim speeds and forces of the calibrated ones are given so.
+        scale = self.slip_filter.rolling_radius / self._nominal_radius
+        watch.step(
+            t, self.v, omega * scale, torque / scale, self.slip_filter.mobilisation,
+            self.slip_filter.sinkage,
+        )  # fmt: skip
+        if watch.level is not before:
+            self.health_due = True
+
+    def _speed(self, source: str, t: float, v: float, variance: float) -> bool:
+        self.health_due = False
+        # Before the first reading of the wheels there is nothing that a speed could belong to.
+        if self._newest is None:
+            return False
+        radar = source == 'radar'
+        update = self.slip_filter.radar if radar else self.slip_filter.gnss
+        plausible = self._plausibility.speed(source, t, v)
+        try:
+            believed = plausible and update(t, v, variance)
+        except ValueError as error:
+            self.refuse(source, str(error))
+            return False
+        self.refused.pop(source, None)
+        if radar and abs(v) < self._radar_min_speed:
+            # No reading: nothing to believe or not.
+            self._note_belief(source, True)
+            return False
+        self._note_belief(source, believed)
+        ground = GroundSource.RADAR if radar else GroundSource.VELOCITY
+        measured = t - (self._radar_latency if radar else self._gnss_latency)
+        self._calibrate(lambda: self.calibration.speed(ground, measured, v))
+        return believed
+
+    def _note_belief(self, source: str, believed: bool) -> None:
+        if believed:
+            self.disbelieved.discard(source)
+        else:
+            self.disbelieved.add(source)
+
+    def _calibrate(self, compare: Callable[[], None]) -> None:
+        """Compare the radii with a distance over ground, and go on with what they are then."""
+        if not self._calibrate_radius:
+            return
+        compare()
+        radius = self.calibration.radius
+        if not np.array_equal(radius, self.slip_filter.rolling_radius):
+            self.slip_filter.set_rolling_radius(radius)
+
+
+def rear_axle_wheels(vehicle: Vehicle) -> Sequence[str]:
+    """Names of the wheels of the last axle.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+        The vehicle, SI units.
+
+    Returns
+    -------
+    sequence of str
+        From left to right.
+    """
+    return min(vehicle.axles, key=lambda axle: axle.x).wheel_names
+
+
+def _check_track_width(track_width: float, vehicle: Vehicle, name: str = 'the vehicle') -> None:
+    if not (math.isfinite(track_width) and track_width >= 0):
+        raise ValueError(f'track_width must be at least 0 m, got {track_width}')
+    if track_width and len(rear_axle_wheels(vehicle)) < 2:
+        raise ValueError(
+            f'track_width {track_width} m needs a rear axle of two wheels, but {name} '
+            'has only one there: give 0'
+        )
+
+
+# Parameters of the node that the constructor takes as they are.
+_PARAMETERS = (
+    'min_speed', 'radar_timeout', 'radar_variance', 'stuck_time', 'terrain_rate', 'odometry_rate',
+    'method', 'tachometer_pulses', 'radar_latency', 'gnss_latency', 'radar_min_speed',
+    'calibrate_radius', 'calibration_effort', 'track_width', 'warning_horizon', 'warning_slip',
+)  # fmt: skip
