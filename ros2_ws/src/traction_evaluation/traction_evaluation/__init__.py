@@ -1,1 +1,1 @@
-"""Closed loop, faults, verification, replay, golden files, and their reports."""
+"""Evaluation: closed loop, faults, verification, field data, replay, golden files, reports."""

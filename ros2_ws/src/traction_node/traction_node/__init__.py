@@ -1,1 +1,1 @@
-"""How a node of the suite spins, declares parameters, reports its health and ends."""
+"""Base of all nodes: host, parameters, diagnostics, start and end; probes for tests."""

@@ -1,1 +1,1 @@
-"""Edges of the suite: bags, the torque gate, and the nodes that serve them."""
+"""Bags and the CAN bus: the ways from the suite to files and to a tractor."""

@@ -1,1 +1,1 @@
-"""Nodes: messages to the cores and back."""
+"""Nodes: they pass messages to the cores and publish the results."""

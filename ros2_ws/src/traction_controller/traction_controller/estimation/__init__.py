@@ -1,1 +1,1 @@
-"""Estimation of slip, speed, soil and pose from what the vehicle measures."""
+"""Estimation of slip, speed, soil and pose from the sensors of the vehicle."""

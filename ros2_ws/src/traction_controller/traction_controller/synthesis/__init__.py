@@ -1,1 +1,1 @@
-"""Synthesis of gains, and the proof of what they do."""
+"""Synthesis of gains, and certificates that prove what they guarantee."""

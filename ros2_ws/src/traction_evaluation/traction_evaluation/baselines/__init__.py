@@ -1,1 +1,1 @@
-"""Control laws that others are compared with."""
+"""Baselines: control laws that the shipped ones are compared with."""

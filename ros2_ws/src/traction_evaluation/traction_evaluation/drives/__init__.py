@@ -1,1 +1,1 @@
-"""Recorded drives: arrays, figures, pictures."""
+"""Recorded drives: arrays over time, figures and pictures."""

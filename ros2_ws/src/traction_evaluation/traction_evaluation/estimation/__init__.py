@@ -1,1 +1,1 @@
-"""Estimation of slip, speed, soil and pose from what the vehicle measures."""
+"""Errors of slip estimation, against ground truth and recorded field data."""

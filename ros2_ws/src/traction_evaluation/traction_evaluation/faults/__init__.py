@@ -1,1 +1,1 @@
-"""Faults put into the running suite, and what it makes of them."""
+"""Faults put into the running suite, with the time until torque is safe."""

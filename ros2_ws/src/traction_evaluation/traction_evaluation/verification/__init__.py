@@ -1,1 +1,1 @@
-"""The model against Project Chrono, the paper and wheel tests."""
+"""Verification of the model against Project Chrono, the paper and wheel tests."""

@@ -1,1 +1,1 @@
-"""Linear parameter-varying models of traction."""
+"""Linear parameter-varying (LPV) models of traction."""

@@ -1,1 +1,1 @@
-"""Motion of vehicles over time, one or many at once, and their sensors."""
+"""Simulation of one or many vehicles over time, and of their sensors."""

@@ -1,1 +1,1 @@
-"""Soil: its laws and parameters, terrain, ruts, and curves for soil without parameters."""
+"""Soil: laws and their parameters, terrain, ruts, and empirical traction curves."""

@@ -1,1 +1,1 @@
-"""Wheels, vehicles, and how their wheels are coupled."""
+"""Vehicle: wheels, axles, load transfer, and couplings between wheels."""

@@ -1,1 +1,1 @@
-"""Bags: reading, writing, import, repair, player and recorder."""
+"""Bags: reader, writer, import, repair, player and recorder."""

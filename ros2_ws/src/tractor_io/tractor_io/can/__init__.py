@@ -1,1 +1,1 @@
-"""A tractor's CAN bus: J1939, the bridge, a simulated tractor's control units."""
+"""CAN bus of a tractor: J1939, the bridge, and simulated control units."""

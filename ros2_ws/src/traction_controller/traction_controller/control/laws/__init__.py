@@ -1,1 +1,1 @@
-"""Control laws: torque of one wheel, or of a group, from its slip."""
+"""Control laws: torque of one wheel, or of a group of wheels, from its slip."""
