@@ -48,3 +48,35 @@ def test_link_leads_somewhere(page, target):
 
 def test_links_are_found():
     assert len({param.values[0] for param in LINKS}) > 5
+
+
+SOURCES = ROOT / 'ros2_ws' / 'src'
+
+
+def named_modules():
+    """(page, name) of every dotted name of the suite's Python packages that a page quotes."""
+    folders = [path.name for path in SOURCES.iterdir() if (path / path.name).is_dir()]
+    packages = '|'.join(sorted(folders))
+    for page in PAGES:
+        # What was is named there, too.
+        if page.name != 'CHANGELOG.md':
+            found = re.findall(rf'`((?:{packages})(?:\.\w+)+)', page.read_text(encoding='utf-8'))
+            yield from ((page, name) for name in sorted(set(found)))
+
+
+NAMED = [
+    pytest.param(name, id=f'{page.relative_to(ROOT)}:{name}') for page, name in named_modules()
+]
+
+
+@pytest.mark.parametrize('name', NAMED)
+def test_module_that_a_page_names_exists(name):
+    parts = name.split('.')
+    while parts:
+        path = (SOURCES / parts[0]).joinpath(*parts)
+        if path.is_dir() or path.with_suffix('.py').exists():
+            break
+        parts.pop()
+    rest = name.split('.')[len(parts) :]
+    text = path / '__init__.py' if path.is_dir() else path.with_suffix('.py')
+    assert not rest or re.search(rf'\b{rest[0]}\b', text.read_text(encoding='utf-8'))
