@@ -80,3 +80,22 @@ def test_module_that_a_page_names_exists(name):
     rest = name.split('.')[len(parts) :]
     text = path / '__init__.py' if path.is_dir() else path.with_suffix('.py')
     assert not rest or re.search(rf'\b{rest[0]}\b', text.read_text(encoding='utf-8'))
+
+
+FILES = sorted(
+    {
+        (page, name)
+        for page in PAGES
+        if page.name != 'CHANGELOG.md'
+        for name in re.findall(
+            r'`([\w./-]+\.(?:py|md|msg|xml))`', page.read_text(encoding='utf-8')
+        )
+    }
+)
+
+
+@pytest.mark.parametrize(
+    'name', [pytest.param(name, id=f'{page.relative_to(ROOT)}:{name}') for page, name in FILES]
+)
+def test_file_that_a_page_names_exists(name):
+    assert (ROOT / name).exists() or list(SOURCES.rglob(name))
