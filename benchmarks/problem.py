@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from traction_model import Drawbar, Soil, Vehicle, load_soil, load_vehicle
 from traction_model.slip import MIN_SPEED
-from tractor_io.bags.bag import BagReader
+from tractor_io.bags.reader import BagReader
 
 Array = NDArray[np.float64]
 

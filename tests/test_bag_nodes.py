@@ -9,7 +9,7 @@ import pytest
 from traction_evaluation.replay.replay import BEHAVIOURS, parameters_for
 from traction_evaluation.replay.replay import replay as run_replay
 from traction_node.probe import NodeProcess, Probe, executable
-from tractor_io.bags.bag import BagReader
+from tractor_io.bags.reader import BagReader
 from tractor_io.bags.repair import cut_bag
 
 BAGS = Path(__file__).parents[1] / 'bags'

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from traction_evaluation.estimation.estimate_errors import estimate_errors
-from tractor_io.bags.bag import BagReader
+from tractor_io.bags.reader import BagReader
 
 BAGS = Path(__file__).parents[1] / 'bags'
 NAMES = sorted(path.parent.name for path in BAGS.glob('*/metadata.yaml'))
@@ -89,7 +89,8 @@ def test_command_names_what_is_wrong_with_its_input(arguments, named, traction):
 
 
 def test_a_bag_without_ground_truth_is_replayed_and_not_judged(tmp_path, traction):
-    from tractor_io.bags.bag import QOS, BagWriter
+    from traction_node.quality_of_service import QOS
+    from tractor_io.bags.writer import BagWriter
 
     with (
         BagReader(BAGS / 'wheel_drawbar') as bag,

@@ -9,7 +9,7 @@ import pytest
 from traction_evaluation.verification import chrono_bags as make_bags
 from traction_evaluation.verification.chrono import CHRONO_RUNS
 from traction_model.vehicle.vehicle import load_vehicle
-from tractor_io.bags.bag import BagReader
+from tractor_io.bags.reader import BagReader
 
 ROOT = Path(__file__).resolve().parents[1]
 BAGS = ROOT / 'bags'

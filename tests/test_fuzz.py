@@ -39,9 +39,12 @@ from traction_model.soil.soil import load_soil
 from traction_model.soil.terrain import load_terrain
 from traction_model.vehicle.vehicle import load_vehicle
 from traction_node.joints import JointError, JointOrder
-from tractor_io.bags.bag import BagError, BagReader, BagWriter, typestore
+from tractor_io.bags.bag_error import BagError
 from tractor_io.bags.csv_import import CsvImportError, CsvMap, find_map, import_csv
+from tractor_io.bags.message_types import typestore
+from tractor_io.bags.reader import BagReader
 from tractor_io.bags.repair import repair_bag
+from tractor_io.bags.writer import BagWriter
 from tractor_io.can.address_claim import AddressClaim
 from tractor_io.can.drivetrain import Drivetrain
 from tractor_io.can.ecu import TractorEcu

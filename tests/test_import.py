@@ -10,8 +10,8 @@ from traction_controller.estimation.slip_filter import SlipFilter
 from traction_evaluation.drives.recording import read_recording
 from traction_model.soil.soil import load_soil
 from traction_model.vehicle.vehicle import load_vehicle
-from tractor_io.bags.bag import BagReader
 from tractor_io.bags.csv_import import find_map, import_csv
+from tractor_io.bags.reader import BagReader
 
 FIELD = Path(__file__).resolve().parents[2] / 'shared' / 'data' / 'field'
 needs_field_data = pytest.mark.skipif(

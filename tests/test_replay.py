@@ -14,8 +14,12 @@ from traction_evaluation.replay.golden import compare, read_golden, write_golden
 from traction_evaluation.replay.lockstep import LockStep
 from traction_evaluation.replay.replay import chosen_parameters
 from traction_evaluation.replay.replay import replay as run_replay
+from traction_node.quality_of_service import QOS
 from traction_node.stamp import nanoseconds
-from tractor_io.bags.bag import QOS, BagError, BagReader, BagWriter, typestore
+from tractor_io.bags.bag_error import BagError
+from tractor_io.bags.message_types import typestore
+from tractor_io.bags.reader import BagReader
+from tractor_io.bags.writer import BagWriter
 
 ROOT = Path(__file__).resolve().parents[1]
 BAGS = ROOT / 'bags'

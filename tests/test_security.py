@@ -11,7 +11,7 @@ from traction_node.parameter_file import config
 from traction_node.probe import NodeProcess, Probe, executable
 from traction_node.running_system import RunningSystem
 from traction_node.topics import topics
-from tractor_io.bags.bag import BagWriter
+from tractor_io.bags.writer import BagWriter
 from tractor_io.can.interface import free_port
 
 PARAMETER_SERVICES = ('get_parameters', 'list_parameters')

@@ -304,7 +304,7 @@ def faults(
 @bag_app.command()
 def info(bag: Bag) -> None:
     """Say what a bag holds."""
-    from tractor_io.bags.bag import BagReader
+    from tractor_io.bags.reader import BagReader
 
     with BagReader(bag) as reader:
         table = Table(title=f'{bag}: {reader.duration:.3f} s', title_style='bold')

@@ -10,7 +10,9 @@ from traction_evaluation.drives.picture import draw
 from traction_evaluation.drives.recording import read_recording
 from traction_evaluation.estimation.estimate_errors import estimate_errors
 from traction_node.probe import executable
-from tractor_io.bags.bag import BagError, BagReader, BagWriter
+from tractor_io.bags.bag_error import BagError
+from tractor_io.bags.reader import BagReader
+from tractor_io.bags.writer import BagWriter
 
 DRAWBAR = Path(__file__).resolve().parents[4] / 'bags' / 'wheel_drawbar'
 

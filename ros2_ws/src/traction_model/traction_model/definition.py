@@ -1,6 +1,5 @@
 """Reading of definitions (soils, vehicles) from YAML with errors that name the culprit."""
 
-import difflib
 import re
 from collections.abc import Iterable
 from pathlib import Path
@@ -8,6 +7,8 @@ from typing import Any, TypeVar
 
 import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
+
+from traction_node.closest import closest
 
 LONGEST_TEXT = 16 * 1024 * 1024
 """Characters of a file, more are refused."""
@@ -35,26 +36,6 @@ class Definition(BaseModel):
     """Base of soils, wheels and vehicles: frozen, no unknown keys, no NaN or infinity."""
 
     model_config = ConfigDict(frozen=True, extra='forbid', allow_inf_nan=False)
-
-
-def closest(name: str, known: Iterable[str]) -> str:
-    """Return a hint naming the known name nearest to a mistyped one.
-
-    Parameters
-    ----------
-    name : str
-        The unknown name.
-    known : iterable of str
-        The names there are.
-
-    Returns
-    -------
-    str
-        ``"; did you mean 'x'?"``, or the list of names when none is near.
-    """
-    names = sorted(known)
-    near = difflib.get_close_matches(name, names, n=1)
-    return f"; did you mean '{near[0]}'?" if near else f'; there are: {", ".join(names)}'
 
 
 def read_text(path: Path) -> str:

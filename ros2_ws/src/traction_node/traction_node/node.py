@@ -24,20 +24,22 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
 
-from traction_node import diagnostic
+from traction_node import diagnostic, quality_of_service
 from traction_node.behaviour import Behaviour
 from traction_node.parameter import ParameterError, resolve, unknown
 from traction_node.topics import message_class, topic
 
 QOS = {
-    'sensor_data': QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT),
-    'command': QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE),
-    'latched': QoSProfile(
-        depth=1,
-        reliability=ReliabilityPolicy.RELIABLE,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL,
-    ),
-    'reliable': QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE),
+    name: QoSProfile(
+        depth=qos.depth,
+        reliability=(
+            ReliabilityPolicy.RELIABLE if qos.reliable else ReliabilityPolicy.BEST_EFFORT
+        ),
+        durability=(
+            DurabilityPolicy.TRANSIENT_LOCAL if qos.latched else DurabilityPolicy.VOLATILE
+        ),
+    )
+    for name, qos in quality_of_service.QOS.items()
 }
 DIAGNOSTIC_PERIOD = 1.0  # [s]
 

@@ -1,9 +1,10 @@
 """Parameters of a node as a table: name, type, range, unit, description, each in one place."""
 
-import difflib
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+
+from traction_node.closest import closest_name
 
 Scalar = bool | int | float | str
 Value = Scalar | tuple[str, ...] | tuple[float, ...]
@@ -140,8 +141,8 @@ def unknown(name: str, known: Iterable[str]) -> ParameterError:
     known : iterable of str
         The names the node has.
     """
-    close = difflib.get_close_matches(name, list(known), n=1)
-    hint = f'; did you mean "{close[0]}"?' if close else ''
+    near = closest_name(name, known)
+    hint = f'; did you mean "{near}"?' if near else ''
     return ParameterError(f'there is no parameter "{name}"{hint}')
 
 

@@ -5,13 +5,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from traction_node.node import QOS as NODE_QOS
-from tractor_io.bags.bag import QOS, BagError, BagReader, BagWriter, Qos, Topic, typestore
+from traction_node.quality_of_service import Qos
+from tractor_io.bags.bag_error import BagError
+from tractor_io.bags.message_types import typestore
+from tractor_io.bags.reader import BagReader, BagTopic
+from tractor_io.bags.writer import BagWriter
 
 JOINT_STATE = 'sensor_msgs/msg/JointState'
 SLIP = 'traction_interfaces/msg/SlipEstimate'
@@ -86,8 +88,10 @@ def test_what_is_written_is_read(tmp_path):
         assert bag.start == 1_000 * MS
         assert bag.duration == pytest.approx(0.49)  # 50 messages, 49 steps of 10 ms
         assert list(bag.topics) == ['/slip_estimate', '/wheel_states']
-        assert bag.topics['/wheel_states'] == Topic(JOINT_STATE, 50, Qos(reliable=False, depth=5))
-        assert bag.topics['/slip_estimate'] == Topic(SLIP, 50, Qos(latched=True, depth=1))
+        assert bag.topics['/wheel_states'] == BagTopic(
+            JOINT_STATE, 50, Qos(reliable=False, depth=5)
+        )
+        assert bag.topics['/slip_estimate'] == BagTopic(SLIP, 50, Qos(latched=True, depth=1))
         messages = list(bag.messages())
     assert len(messages) == 100
     seventh = messages[13]
@@ -188,16 +192,6 @@ def test_empty_bag_can_be_read(tmp_path):
     with BagReader(tmp_path / 'bag') as bag:
         assert (bag.start, bag.duration) == (0, 0.0)
         assert list(bag.messages()) == []
-
-
-def test_quality_of_service_is_that_of_the_nodes():
-    assert set(QOS) == set(NODE_QOS)
-    for name, profile in NODE_QOS.items():
-        assert QOS[name] == Qos(
-            reliable=profile.reliability == ReliabilityPolicy.RELIABLE,
-            latched=profile.durability == DurabilityPolicy.TRANSIENT_LOCAL,
-            depth=profile.depth,
-        )
 
 
 def test_missing_path():

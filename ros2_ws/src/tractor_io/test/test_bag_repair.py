@@ -5,8 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from tractor_io.bags.bag import BagError, BagReader, BagWriter, Qos, typestore
+from traction_node.quality_of_service import Qos
+from tractor_io.bags.bag_error import BagError
+from tractor_io.bags.message_types import typestore
+from tractor_io.bags.reader import BagReader
 from tractor_io.bags.repair import cut_bag, repair_bag
+from tractor_io.bags.writer import BagWriter
 
 JOINT_STATE = 'sensor_msgs/msg/JointState'
 MS = 1_000_000

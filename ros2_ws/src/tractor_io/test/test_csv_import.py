@@ -6,8 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from tractor_io.bags.bag import BagError, BagReader, typestore
+from tractor_io.bags.bag_error import BagError
 from tractor_io.bags.csv_import import CsvImportError, CsvMap, find_map, import_csv
+from tractor_io.bags.message_types import typestore
+from tractor_io.bags.reader import BagReader
 
 FIELD = Path(__file__).resolve().parents[5] / 'shared' / 'data' / 'field'
 needs_field_data = pytest.mark.skipif(

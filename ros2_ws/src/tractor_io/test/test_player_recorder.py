@@ -15,8 +15,12 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
 from traction_node.probe import NodeProcess, Probe, executable
-from tractor_io.bags.bag import QOS, BagError, BagReader, BagWriter, typestore
+from traction_node.quality_of_service import QOS
+from tractor_io.bags.bag_error import BagError
+from tractor_io.bags.message_types import typestore
+from tractor_io.bags.reader import BagReader
 from tractor_io.bags.repair import repair_bag
+from tractor_io.bags.writer import BagWriter
 
 BAGS = Path(__file__).resolve().parents[4] / 'bags'
 DRAWBAR = BAGS / 'wheel_drawbar'

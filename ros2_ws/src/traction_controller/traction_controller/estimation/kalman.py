@@ -26,8 +26,8 @@ from enum import IntEnum
 
 import numpy as np
 
-from traction_model.definition import closest
 from traction_model.kernel import kernel
+from traction_node.closest import closest
 
 
 class Method(IntEnum):

@@ -21,11 +21,11 @@ from traction_controller.control.slip_control import Degraded, Mode, SlipControl
 from traction_controller.estimation.slip_filter import Source
 from traction_controller.synthesis.gain_schedule import ControlWeights
 from traction_controller.synthesis.gain_table import read_gain_table
-from traction_model.definition import closest
 from traction_model.soil.soil import load_soil
 from traction_model.vehicle.vehicle import load_vehicle
 from traction_node import diagnostic
 from traction_node.behaviour import Behaviour
+from traction_node.closest import closest
 from traction_node.joints import JointOrder
 from traction_node.parameter import NodeParameter
 from traction_node.stamp import between

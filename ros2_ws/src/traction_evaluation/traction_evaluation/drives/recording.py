@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from traction_node.stamp import nanoseconds
-from tractor_io.bags.bag import BagError, BagReader
+from tractor_io.bags.bag_error import BagError
+from tractor_io.bags.reader import BagReader
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,8 @@ from traction_model.soil.soil import load_soil
 from traction_model.vehicle.vehicle import load_vehicle
 from traction_node.joints import JointOrder
 from traction_node.stamp import nanoseconds
-from tractor_io.bags.bag import BagError, BagReader
+from tractor_io.bags.bag_error import BagError
+from tractor_io.bags.reader import BagReader
 
 
 @dataclass(frozen=True)

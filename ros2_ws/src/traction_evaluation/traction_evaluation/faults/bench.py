@@ -26,7 +26,7 @@ from traction_node.node_spec import NodeSpec
 from traction_node.probe import NodeProcess, executable
 from traction_node.running_system import RunningSystem
 from traction_node.topics import message_class, topic
-from tractor_io.bags.bag import BagReader
+from tractor_io.bags.reader import BagReader
 from tractor_io.can.interface import frame, free_port, open_bus
 from tractor_io.can.parameter_group import FrameError, tractor_groups
 from tractor_io.can.torque_limit import LimitReader

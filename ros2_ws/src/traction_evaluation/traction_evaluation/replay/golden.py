@@ -16,7 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from traction_evaluation.replay.replay import Replay
-from tractor_io.bags.bag import BagReader, typestore
+from tractor_io.bags.message_types import typestore
+from tractor_io.bags.reader import BagReader
 
 WINDOW = 500_000_000
 """Time of which a golden file holds one message of each topic, ns."""

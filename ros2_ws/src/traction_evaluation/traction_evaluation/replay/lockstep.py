@@ -36,7 +36,7 @@ class LockStep:
     Parameters
     ----------
     types : Typestore
-        Message types, as of `tractor_io.bags.bag.typestore`.
+        Message types, as of `tractor_io.bags.message_types.typestore`.
     record : callable
         Called with topic (leading slash), type, time (ns) and CDR bytes of all that is published.
     start : int

@@ -20,12 +20,16 @@ from traction_controller.nodes.slip_estimator import SlipEstimatorBehaviour
 from traction_evaluation.drives.recording import vehicle_and_soil, vehicle_prefix
 from traction_evaluation.estimation.estimate_errors import EstimateErrors, Judge
 from traction_evaluation.replay.lockstep import LockStep
-from traction_model.definition import closest
 from traction_model.vehicle.vehicle import load_vehicle
+from traction_node.closest import closest
 from traction_node.parameter_file import config, read_parameters
+from traction_node.quality_of_service import QOS
 from traction_node.stamp import nanoseconds
 from traction_node.topics import topic
-from tractor_io.bags.bag import QOS, BagError, BagReader, BagWriter, typestore
+from tractor_io.bags.bag_error import BagError
+from tractor_io.bags.message_types import typestore
+from tractor_io.bags.reader import BagReader
+from tractor_io.bags.writer import BagWriter
 
 BEHAVIOURS = {
     'slip_estimator': ('traction_controller', SlipEstimatorBehaviour),

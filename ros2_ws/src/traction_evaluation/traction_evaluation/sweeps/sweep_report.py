@@ -11,8 +11,9 @@ from rich.table import Table
 
 from traction_evaluation.drives.picture import Spread, draw_sweep
 from traction_evaluation.sweeps.sweep import SweepResult, numbers, rank_correlations, run_sweep
-from traction_model.definition import DefinitionError, closest
+from traction_model.definition import DefinitionError
 from traction_model.simulation.sweep import FIGURES, read_sweep
+from traction_node.closest import closest
 from traction_node.parameter_file import config
 
 SHOWN_ERRORS = 3

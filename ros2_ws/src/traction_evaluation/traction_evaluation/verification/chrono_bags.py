@@ -16,8 +16,11 @@ from numpy.typing import NDArray
 
 from traction_evaluation.verification.chrono import CHRONO_RUNS, ChronoRecording, read_chrono
 from traction_model.slip import MIN_SPEED, is_valid, slip
+from traction_node.quality_of_service import QOS
 from traction_node.topics import topic
-from tractor_io.bags.bag import QOS, BagError, BagWriter, typestore
+from tractor_io.bags.bag_error import BagError
+from tractor_io.bags.message_types import typestore
+from tractor_io.bags.writer import BagWriter
 
 BAGS = Path('bags')
 

@@ -31,13 +31,13 @@ from traction_model.contact.contact import (
     forces_at,
     slip_along_path,
 )
-from traction_model.definition import closest
 from traction_model.lpv.scheduling import Parameter, Schedule
 from traction_model.slip import slip
 from traction_model.soil.soil import COHESION, N_EXP, SHEAR_MODULUS, TAN_PHI, Soil
 from traction_model.vehicle.coupling import Coupling, constraint_matrix
 from traction_model.vehicle.vehicle import GRAVITY, Vehicle
 from traction_model.vehicle.wheel import Wheel
+from traction_node.closest import closest
 
 if TYPE_CHECKING:
     import control

@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from traction_model.contact.contact import FREE, MIN_TRANSIT_SPEED
-from traction_model.definition import closest
 from traction_model.lpv.model import MIN_SINKAGE, LpvModel, Matrices, wheel_speed
 from traction_model.lpv.scheduling import Schedule
 from traction_model.soil.soil import Soil
+from traction_node.closest import closest
 
 Array = NDArray[np.float64]
 

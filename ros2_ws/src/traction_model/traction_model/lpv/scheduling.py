@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from traction_model.definition import closest
+from traction_node.closest import closest
 
 Array = NDArray[np.float64]
 

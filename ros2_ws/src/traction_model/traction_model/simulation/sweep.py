@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, BeforeValidator, Field, model_validator
 from scipy.stats import qmc
 
-from traction_model.definition import Definition, DefinitionError, build, closest, read_yaml
+from traction_model.definition import Definition, DefinitionError, build, read_yaml
 from traction_model.distribution import Distribution
 from traction_model.simulation.drawbar import Drawbar, drawbar_force
 from traction_model.simulation.simulate import Trajectory, simulate
@@ -23,6 +23,7 @@ from traction_model.slip import MIN_SPEED
 from traction_model.soil.soil import Soil, load_soil
 from traction_model.soil.terrain import STEEPEST, Terrain
 from traction_model.vehicle.vehicle import Vehicle, load_vehicle
+from traction_node.closest import closest
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]

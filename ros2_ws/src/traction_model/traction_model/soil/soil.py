@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from traction_model.definition import Definition, DefinitionError, build, closest, read_yaml
+from traction_model.definition import Definition, DefinitionError, build, read_yaml
 from traction_model.soil.empirical import CURVE_COLUMNS, Brixius, Burckhardt, Pacejka
 from traction_model.vehicle.wheel import Wheel
+from traction_node.closest import closest
 
 # Columns of a packed soil, as the kernels index them.
 MODULUS, N_EXP, COHESION, TAN_PHI, SHEAR_MODULUS, DAMPING = range(6)

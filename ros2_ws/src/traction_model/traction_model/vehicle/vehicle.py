@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from traction_model.definition import Definition, DefinitionError, build, closest, read_yaml
+from traction_model.definition import Definition, DefinitionError, build, read_yaml
 from traction_model.vehicle.wheel import Wheel
+from traction_node.closest import closest
 
 GRAVITY = 9.81
 """Standard acceleration used throughout, m/s^2."""

@@ -5,13 +5,12 @@ read row by row, so that its length does not matter; `config/import_t7165s.yaml`
 """
 
 import csv
-import difflib
 import math
 import re
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
@@ -21,9 +20,13 @@ import numpy as np
 from ament_index_python.packages import get_package_share_directory
 from rosbags.interfaces import Nodetype
 
+from traction_node.closest import closest
+from traction_node.quality_of_service import QOS
 from traction_node.topics import topics as suite_topics
-from tractor_io.bags.bag import QOS, BagError, BagWriter, typestore
+from tractor_io.bags.bag_error import BagError
+from tractor_io.bags.message_types import typestore
 from tractor_io.bags.plain_yaml import LONGEST_TEXT, PlainYamlError, load_plain_yaml
+from tractor_io.bags.writer import BagWriter
 
 LONGEST_LINE = 64 * 1024
 """Characters of a line, more are refused."""
@@ -249,7 +252,7 @@ class CsvMap:
             if name not in known:
                 raise self._fault(
                     f'{key}.{_plain(name)}' if key else _plain(name),
-                    f'unknown key{_closest(name, known)}',
+                    f'unknown key{closest(name, known)}',
                 )
         return content
 
@@ -295,14 +298,14 @@ class CsvMap:
         unit = self._text(entry.get('unit', ''), 'time.unit')
         if unit not in _SECONDS:
             raise self._fault(
-                'time.unit', f"'{_plain(unit)}' is no unit of time{_closest(unit, _SECONDS)}"
+                'time.unit', f"'{_plain(unit)}' is no unit of time{closest(unit, _SECONDS)}"
             )
         self._second = _SECONDS[unit]
 
     def _read_topic(self, name: Any, content: Any) -> None:
         table = suite_topics()
         if not isinstance(name, str) or name not in table:
-            raise self._fault('topics', f"unknown topic '{_plain(name)}'{_closest(name, table)}")
+            raise self._fault('topics', f"unknown topic '{_plain(name)}'{closest(name, table)}")
         entry = self._mapping(content, name, _TOPIC_KEYS)
         skip = entry.get('skip_empty', False)
         if not isinstance(skip, bool):
@@ -438,7 +441,7 @@ class CsvMap:
             fields = dict(self._fields_of(kind))
             if match is None or match[1] not in fields:
                 raise self._fault(
-                    key, f"{kind} has no field '{_plain(part)}'{_closest(part, fields)}"
+                    key, f"{kind} has no field '{_plain(part)}'{closest(part, fields)}"
                 )
             node, detail = fields[match[1]]
             index = None if match[2] is None else int(match[2])
@@ -479,7 +482,7 @@ class CsvMap:
         unit = str(entry['unit']) if entry['unit'] == 1 else entry['unit']
         if not isinstance(unit, str) or unit not in UNITS:
             raise self._fault(
-                f'{key}.unit', f"unknown unit '{_plain(unit)}'{_closest(unit, UNITS)}"
+                f'{key}.unit', f"unknown unit '{_plain(unit)}'{closest(unit, UNITS)}"
             )
         si, factor = UNITS[unit]
         if 'rolling_radius' in entry:
@@ -736,7 +739,7 @@ class _Rows:
         """Where a column is."""
         count = self._head.count(column)
         if count != 1:
-            hint = ', as the map says' if count else _closest(column, self._head)
+            hint = ', as the map says' if count else closest(column, map(_plain, self._head))
             reason = 'has several columns' if count else 'has no column'
             raise CsvImportError(
                 f"{self.path}: line 1: {reason} '{_plain(column)}'{hint} ({self._map})"
@@ -782,12 +785,3 @@ def _shown(value: Any) -> str:
     if isinstance(value, dict | list):
         return 'a mapping' if isinstance(value, dict) else 'a list'
     return _plain(value) if isinstance(value, str) else _plain(repr(value))
-
-
-def _closest(name: Any, known: Iterable[str]) -> str:
-    """Hint at the known name nearest to a mistyped one."""
-    names = [each for each in known if each]
-    near = difflib.get_close_matches(str(name)[:60], names, n=1)
-    if near:
-        return f"; did you mean '{near[0]}'?"
-    return f'; there are: {", ".join(_plain(each) for each in names[:40])}'

@@ -1,4 +1,4 @@
-"""Limits of what a file of a bag may claim: sizes of records, and what chunks unpack to.
+"""Limits of what a file of a bag may claim: sizes of records, whole numbers, unpacked chunks.
 
 A few bytes can claim 2^60, and a chunk of some kilobytes unpack to gigabytes. The libraries that
 read bags take both at their word; here they are held to what recorders really write.
@@ -13,6 +13,9 @@ from rosbags.rosbag2 import reader, storage_mcap
 
 LARGEST_RECORD = 64 * 1024 * 1024
 """Bytes of a record, or of what a chunk unpacks to, above which a file is taken to be damaged."""
+
+LARGEST_INTEGER = 2**63 - 1
+"""Largest time, ns, and largest depth of a queue."""
 
 
 class BoundedFile:
@@ -50,6 +53,29 @@ class BoundedFile:
         if size > LARGEST_RECORD:
             raise ValueError(f'{size} bytes are claimed, more than {LARGEST_RECORD}')
         return self._file.read(LARGEST_RECORD if size < 0 else size)
+
+
+def whole_number(value: Any) -> int:
+    """Check a time or the depth of a queue.
+
+    Parameters
+    ----------
+    value : object
+        What a file says it is; times in ns.
+
+    Returns
+    -------
+    int
+        The value, 0 to `LARGEST_INTEGER`; times in ns.
+
+    Raises
+    ------
+    ValueError
+        If it is no whole number of that range.
+    """
+    if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= LARGEST_INTEGER:
+        raise ValueError(f'{str(value)[:60]!r} is no whole number of 0 to {LARGEST_INTEGER}')
+    return value
 
 
 def unpack(data: bytes, compression: str, size: int) -> bytes:

@@ -1,4 +1,4 @@
-"""Small YAML texts of files that may be damaged or hostile: read within limits.
+"""Small YAML texts: written without aliases, and read within limits.
 
 YAML can say much in little: aliases that repeat aliases grow without end, and nesting exhausts the
 stack of whoever walks it. Neither has a place in what this package reads.
@@ -53,6 +53,33 @@ def load_plain_yaml(text: str) -> Any:
     except Exception as error:
         # Values that their own tag does not fit surface as KeyError, IndexError and others.
         raise PlainYamlError(f'not valid YAML: a value cannot be read: {error!r}') from error
+
+
+class _PlainDumper(yaml.SafeDumper):
+    def ignore_aliases(self, data: Any) -> bool:
+        # rosbag2's reader takes repeated values, but no anchors.
+        return True
+
+
+def dump_plain_yaml(content: Any, inline_lists: bool = False) -> str:
+    """Write a YAML text without aliases, keys in the order given.
+
+    Parameters
+    ----------
+    content : object
+        Of mappings, lists, texts, numbers.
+    inline_lists : bool
+        Lists and mappings that hold no others in one line.
+
+    Returns
+    -------
+    str
+        The text, without a line break at its end.
+    """
+    return yaml.dump(
+        content, Dumper=_PlainDumper, default_flow_style=None if inline_lists else False,
+        sort_keys=False, allow_unicode=True,
+    ).strip()  # fmt: skip
 
 
 def _check_limits(text: str, loader: Any) -> None:

@@ -13,7 +13,8 @@ from traction_node.node import TractionNode
 from traction_node.parameter import NodeParameter
 from traction_node.run import run
 from traction_node.topics import message_class, topics
-from tractor_io.bags.bag import BagError, BagReader
+from tractor_io.bags.bag_error import BagError
+from tractor_io.bags.reader import BagReader
 
 ALL = 'all'
 
@@ -82,7 +83,8 @@ class BagPlayerNode(TractionNode):
             'topics',
             default=[ALL],
             description=(
-                f"topics to play; '{ALL}' leaves out those that carry torques, which have to be named"
+                f"topics to play; '{ALL}' leaves out those that carry torques, "
+                'which have to be named'
             ),
             read_only=True,
         ),

@@ -1,6 +1,5 @@
 """Bag recorder node: writes the suite's topics into an MCAP bag."""
 
-import yaml
 from rcl_interfaces.msg import ParameterEvent
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.event_handler import SubscriptionEventCallbacks
@@ -16,10 +15,13 @@ from rclpy.qos import (
 from traction_node.diagnostic import OK, WARN
 from traction_node.node import TractionNode
 from traction_node.parameter import NodeParameter
+from traction_node.quality_of_service import QOS, Qos
 from traction_node.run import run
 from traction_node.topics import message_class, topic, topics
-from tractor_io.bags.bag import QOS, BagError, BagWriter, Qos
+from tractor_io.bags.bag_error import BagError
+from tractor_io.bags.plain_yaml import dump_plain_yaml
 from tractor_io.bags.versions import versions
+from tractor_io.bags.writer import BagWriter
 
 ALL = 'all'
 
@@ -206,7 +208,7 @@ class BagRecorderNode(TractionNode):
         values = {name: _plain(value) for name, value in zip(names, found, strict=True)}
         # Its clients go with the next look: this is called by one of them.
         self._looks[node] = MAX_LOOKS
-        self._to_say[f'parameters {node}'] = _yaml(values)
+        self._to_say[f'parameters {node}'] = dump_plain_yaml(values, inline_lists=True)
 
     def _note_changes(self, event):
         if not (event.changed_parameters and self._is_ours(event.node)):
@@ -217,7 +219,7 @@ class BagRecorderNode(TractionNode):
             value = _plain(parameter_value_to_python(parameter.value))
             changes.append({'time': time, parameter.name: value})
         del changes[:-MAX_CHANGES]
-        self._to_say[f'changed {event.node}'] = _yaml(changes)
+        self._to_say[f'changed {event.node}'] = dump_plain_yaml(changes, inline_lists=True)
 
     def _say(self):
         """Write what is new about the bag; seldom, as all of it is repeated."""
@@ -267,10 +269,6 @@ class BagRecorderNode(TractionNode):
 def _plain(value):
     """Value of a parameter as YAML knows it."""
     return value if value is None or isinstance(value, bool | int | float | str) else list(value)
-
-
-def _yaml(content):
-    return yaml.safe_dump(content, allow_unicode=True, default_flow_style=None, sort_keys=False)
 
 
 def _table_name(name):

@@ -6,7 +6,7 @@ and writes what it got into a new bag; the damaged one stays as it is.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -15,9 +15,13 @@ from typing import Any
 from mcap.records import Channel, Chunk, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 
-from tractor_io.bags.bag import CUSTOM_DATA, BagError, BagReader, BagWriter, Definition, Qos
+from traction_node.quality_of_service import Qos
+from tractor_io.bags.bag_error import BagError
 from tractor_io.bags.mcap_limits import LARGEST_RECORD, BoundedFile, unpack
-from tractor_io.bags.plain_yaml import load_plain_yaml
+from tractor_io.bags.message_types import MessageDefinition
+from tractor_io.bags.offered_qos import from_channel
+from tractor_io.bags.reader import BagReader
+from tractor_io.bags.writer import CUSTOM_DATA, BagWriter
 
 
 @dataclass(frozen=True)
@@ -202,19 +206,19 @@ class _Records:
                         self._progress(file.tell() / max(1, self._size))
                     yield self._channels[record.channel_id].topic, record
 
-    def declared(self, topic: str) -> tuple[Definition, Qos]:
+    def declared(self, topic: str) -> tuple[MessageDefinition, Qos]:
         """Type and quality of service of a topic."""
         channel = self._by_topic[topic]
         schema = self._schemas.get(channel.schema_id)
         if schema is None:
             raise BagError(f'{self._path}: topic {topic} has no message definition')
-        definition = Definition(
+        definition = MessageDefinition(
             schema.name,
             schema.encoding,
             schema.data.decode(errors='replace'),
             channel.metadata.get('topic_type_hash', ''),
         )
-        return definition, _qos(channel.metadata)
+        return definition, from_channel(channel.metadata)
 
 
 def _unpacked(records: Iterator[McapRecord]) -> Iterator[McapRecord]:
@@ -226,16 +230,3 @@ def _unpacked(records: Iterator[McapRecord]) -> Iterator[McapRecord]:
             yield from breakup_chunk(record, validate_crc=True)
         else:
             yield record
-
-
-def _qos(metadata: Mapping[str, str]) -> Qos:
-    """Quality of service as a channel says it, or the usual one."""
-    try:
-        (profile, *_) = load_plain_yaml(metadata.get('offered_qos_profiles', '')) or [{}]
-        return Qos(
-            reliable=profile.get('reliability', 'reliable') != 'best_effort',
-            latched=profile.get('durability') == 'transient_local',
-            depth=int(profile.get('depth', 10)),
-        )
-    except (TypeError, ValueError, OverflowError, AttributeError):
-        return Qos()

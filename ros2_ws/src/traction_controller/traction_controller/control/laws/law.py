@@ -13,8 +13,8 @@ from importlib import import_module
 from inspect import signature
 from typing import Any, Protocol
 
-from traction_model.definition import closest
 from traction_model.vehicle.wheel import Wheel
+from traction_node.closest import closest
 
 
 @dataclass(slots=True)
