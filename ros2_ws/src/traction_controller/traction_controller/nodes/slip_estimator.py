@@ -1,27 +1,24 @@
-"""What the node `slip_estimator` does: slip, speed, soil and pose from the sensors.
+"""The node `slip_estimator`: slip, speed, soil and pose from the sensors.
 
-A behaviour runs in a ROS 2 process or in lock step, see `traction_evaluation.replay.lockstep`.
+It maps messages; what it publishes is computed by
+`traction_controller.estimation.vehicle_estimator`.
 """
 
 import copy
 import math
-from dataclasses import fields
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
-from traction_controller.estimation.gnss import GnssTrack
-from traction_controller.estimation.immobilisation import Immobilisation, Level, WarningLimits
-from traction_controller.estimation.kalman import method_named
-from traction_controller.estimation.odometry import UNOBSERVED, PathOdometry, axle_yaw_rate
-from traction_controller.estimation.plausibility import Plausibility
-from traction_controller.estimation.radius_calibration import GroundSource, RadiusCalibration
+from traction_controller.estimation.immobilisation import WarningLimits
+from traction_controller.estimation.odometry import UNOBSERVED
 from traction_controller.estimation.rolling_radius import FirmGround
-from traction_controller.estimation.slip_filter import EstimatorNoise, SlipFilter, Source
-from traction_model.soil.soil import load_soil
-from traction_model.vehicle.vehicle import load_vehicle
-from traction_node import diagnostic
+from traction_controller.estimation.slip_filter import EstimatorNoise
+from traction_controller.estimation.vehicle_estimator import VehicleEstimator
 from traction_node.behaviour import Behaviour
-from traction_node.joints import JointOrder
+from traction_node.joints import JointError, JointOrder
 from traction_node.parameter import NodeParameter
 from traction_node.stamp import between
 
@@ -30,11 +27,6 @@ _LIMITS = WarningLimits()
 _GROUND = FirmGround()
 # Where the entries of x, y and yaw are in a covariance of six by six.
 _PLANAR = np.ix_([0, 1, 5], [0, 1, 5])
-
-
-def _rear_axle(vehicle):
-    """Names of the wheels of the last axle, left to right."""
-    return min(vehicle.axles, key=lambda axle: axle.x).wheel_names
 
 
 class SlipEstimatorBehaviour(Behaviour):
@@ -294,49 +286,16 @@ class SlipEstimatorBehaviour(Behaviour):
         ),
     )
 
-    def check_parameters(self, p):
+    def check_parameters(self, p: SimpleNamespace) -> None:
         """Refuse definitions that cannot be loaded."""
-        vehicle = load_vehicle(p.vehicle)
-        load_soil(p.soil)
-        method_named(p.method)
-        if p.track_width and len(_rear_axle(vehicle)) < 2:
-            raise ValueError(
-                f'track_width {p.track_width} m needs a rear axle of two wheels, but {p.vehicle} '
-                'has only one there: give 0'
-            )
+        VehicleEstimator.check_parameters(p)
 
-    def configure(self):
+    def configure(self) -> None:
         """Build the estimator and its messages."""
-        p = self.host.p
-        vehicle = load_vehicle(p.vehicle)
-        noise = {f.name: getattr(p, f'noise_{f.name}') for f in fields(EstimatorNoise)}
-        self._estimation = SlipFilter(
-            vehicle,
-            load_soil(p.soil),
-            EstimatorNoise(**noise),
-            p.min_speed,
-            p.radar_timeout,
-            p.radar_variance,
-            method=p.method,
-            tachometer_pulses=p.tachometer_pulses,
-            radar_latency=p.radar_latency,
-            gnss_latency=p.gnss_latency,
-            radar_min_speed=p.radar_min_speed,
-        )
-        self._calibration = RadiusCalibration(
-            vehicle, FirmGround(largest_effort=p.calibration_effort)
-        )
-        self._plausibility = Plausibility(vehicle, p.min_speed, p.tachometer_pulses, p.stuck_time)
-        self._nominal_radius = self._estimation.rolling_radius
-        self._track = GnssTrack(latency=p.gnss_latency, min_speed=p.min_speed)
-        self._immobilisation = Immobilisation(
-            self._nominal_radius,
-            float(vehicle.static_loads().sum()),
-            WarningLimits(horizon=p.warning_horizon, slip=p.warning_slip, min_speed=p.min_speed),
-        )
-        names = list(vehicle.wheel_names)
-        rear = _rear_axle(vehicle)
-        self._left, self._right = names.index(rear[0]), names.index(rear[-1])
+        self._estimator = VehicleEstimator.from_parameters(self.host.p)
+        # Stamp of the first reading of the wheels: times count from there.
+        self._epoch: Any = None
+        names = list(self._estimator.vehicle.wheel_names)
         self._speeds = JointOrder(names, 'wheel_states velocity')
         self._torques = JointOrder(names, 'wheel_states effort')
         self._publish_slip = self.host.publisher('slip_estimate').publish
@@ -352,240 +311,110 @@ class SlipEstimatorBehaviour(Behaviour):
         self._odometry_message.header.frame_id = 'odom'
         self._odometry_message.child_frame_id = 'base_link'
         self._pose_covariance = UNOBSERVED * np.eye(6)
-        self._odometry = PathOdometry()
-        self._start_over()
         self.host.subscription('wheel_states', self._on_wheel_states)
         self.host.subscription('radar', self._on_radar)
         self.host.subscription('gnss_velocity', self._on_gnss_velocity)
         self.host.subscription('gnss', self._on_gnss)
 
-    def _start_over(self):
-        """Estimate anew; the distance travelled so far and calibrated radii stay.
-
-        Where that happens on the move, slip is not valid until a speed over ground comes or the
-        vehicle stands: without them, slip would be taken for speed.
-        """
-        self._estimation.reset()
-        self._plausibility.reset()
-        self._on_the_move = False
-        self._calibration.restart()
-        self._track.reset()
-        self._immobilisation.reset()
-        self._yaw = 0.0, math.inf
-        self._jumped = False
-        self._travelled_t = None
-        self._epoch = None
-        # Of wheel_states, believed or not.
-        self._newest = 0.0
-        self._terrain_due = 0.0
-        self._odometry_due = 0.0
-        self._refused = {}
-        self._disbelieved = set()
-
-    def activate(self):
+    def activate(self) -> None:
         """Begin with nothing known: the vehicle may have moved meanwhile."""
-        self._start_over()
-        self.host.set_diagnostic(diagnostic.WARN, 'waiting for wheel_states')
+        self._estimator.reset()
+        self._epoch = None
+        level, said = self._estimator.health
+        self.host.set_diagnostic(int(level), said)
 
-    def _time(self, stamp):
-        """Seconds since the first reading; a clock that was set back starts everything over."""
-        if self._epoch is not None:
-            t = between(self._epoch, stamp)
-            if t > self._newest - SlipFilter.LONGEST_GAP:
-                self._newest = max(self._newest, t)
-                return t
-            self.host.get_logger().warning(
-                f'time jumped back by {self._newest - t:.3f} s: estimating anew'
-            )
-            self._start_over()
-            self._on_the_move = True
-        # A copy: the message may be reused.
-        self._epoch = copy.copy(stamp)
-        return 0.0
-
-    def _on_wheel_states(self, message):
+    def _on_wheel_states(self, message: Any) -> None:
         if not self.host.active:
             return
-        estimation = self._estimation
+        estimator = self._estimator
+        stamp = message.header.stamp
         try:
             omega = self._speeds.values(message.name, message.velocity)
             torque = self._torques.values(message.name, message.effort)
-            t = self._time(message.header.stamp)
-            v = estimation.v if estimation.v_valid else math.nan
-            self._plausibility.wheels(t, omega, torque, v)
-            if estimation.t is not None and t - estimation.t > estimation.LONGEST_GAP:
-                self._on_the_move = True
-            estimation.wheel_states(t, omega, torque)
-        except ValueError as error:
-            self._refuse('wheel_states', error)
-            return
-        self._refused.pop('wheel_states', None)
-        # A reading that came late has changed the estimate, not the time.
-        if t >= estimation.t:
-            self._calibration.wheels(t, omega, estimation.gross_traction)
-            self._track.wheels(t, float(estimation.rim_speed.mean()))
-            self._travel(t)
-            self._watch(t, np.array(omega), np.array(torque))
-
-        if (
-            estimation.source is not Source.WHEEL
-            or np.abs(estimation.rim_speed).max() < self.host.p.min_speed
-        ):
-            self._on_the_move = False
-        slip = self._slip
-        slip.header.stamp = message.header.stamp
-        slip.slip = estimation.slip.tolist()
-        slip.slip_variance = estimation.slip_variance.tolist()
-        slip.valid = [not self._on_the_move and valid for valid in estimation.valid.tolist()]
-        slip.wheel_based_speed = estimation.rim_speed.tolist()
-        slip.ground_based_speed = estimation.v
-        slip.ground_based_speed_variance = estimation.v_variance
-        slip.ground_based_speed_valid = estimation.v_valid and not self._on_the_move
-        slip.source = int(estimation.source)
-        slip.gross_traction = estimation.gross_traction.tolist()
-        slip.slip_stiffness = estimation.slip_stiffness.tolist()
-        slip.rolling_radius = estimation.rolling_radius.tolist()
-        slip.rolling_radius_variance = self._calibration.radius_variance.tolist()
-        slip.immobilisation = int(self._immobilisation.level)
-        slip.immobilisation_reason = self._immobilisation.reason.value
-        slip.time_to_immobilisation = self._immobilisation.time_left
-        self._publish_slip(slip)
-        if t >= self._terrain_due:
-            self._terrain_due = t + 1.0 / self.host.p.terrain_rate - 1e-6
-            self._send_terrain(message.header.stamp)
+        except JointError as error:
+            estimator.refuse('wheel_states', str(error))
             self._report_health()
-        if t >= self._odometry_due:
-            self._odometry_due = t + 1.0 / self.host.p.odometry_rate - 1e-6
-            self._send_odometry(message.header.stamp)
-
-    def _travel(self, t):
-        """Move the pose on."""
-        estimation = self._estimation
-        before, self._travelled_t = self._travelled_t, t
-        if before is None or t - before > estimation.LONGEST_GAP:
             return
-        valid = estimation.valid
-        slip = float(estimation.slip[valid].mean()) if valid.any() else 0.0
-        deviation = 0.0
-        if estimation.source is Source.WHEEL:
-            # A measured speed does not rest on the radii.
-            variance = self._calibration.radius_variance / estimation.rolling_radius**2
-            deviation = math.sqrt(variance.mean())
-        if self.host.p.track_width:
-            rims = estimation.rim_speed
-            self._yaw = axle_yaw_rate(
-                rims[self._left], rims[self._right], slip, self.host.p.track_width
+        if self._epoch is None:
+            # A copy: the message may be reused.
+            self._epoch = copy.copy(stamp)
+        believed = estimator.wheel_states(between(self._epoch, stamp), omega, torque)
+        if estimator.time_jumped_back:
+            self.host.get_logger().warning(
+                f'time jumped back by {estimator.time_jumped_back:.3f} s: estimating anew'
             )
-        self._odometry.advance(
-            t - before, estimation.v, estimation.v_variance, slip, deviation, *self._yaw
-        )
-
-    def _watch(self, t, omega, torque):
-        """Look for signs that the vehicle gets stuck."""
-        estimation, watch = self._estimation, self._immobilisation
-        before = watch.level
-        # It knows nominal radii: rim speeds and forces of the calibrated ones are given so.
-        scale = estimation.rolling_radius / self._nominal_radius
-        watch.step(
-            t,
-            estimation.v,
-            omega * scale,
-            torque / scale,
-            estimation.mobilisation,
-            estimation.sinkage,
-        )
-        if watch.level is not before:
+        if believed:
+            self._send_slip(stamp)
+        if estimator.terrain_due:
+            self._send_terrain(stamp)
+        if estimator.odometry_due:
+            self._send_odometry(stamp)
+        if estimator.health_due:
             self._report_health()
 
-    def _calibrate(self):
-        """Compute with the radii as they are known now."""
-        if self.host.p.calibrate_radius:
-            radius = self._calibration.radius
-            if not np.array_equal(radius, self._estimation.rolling_radius):
-                self._estimation.set_rolling_radius(radius)
+    def _on_radar(self, message: Any) -> None:
+        self._on_speed(self._estimator.radar, message)
 
-    def _on_radar(self, message):
-        latency = self.host.p.radar_latency
-        self._on_speed('radar', self._estimation.radar, GroundSource.RADAR, latency, message)
+    def _on_gnss_velocity(self, message: Any) -> None:
+        self._on_speed(self._estimator.gnss_velocity, message)
 
-    def _on_gnss_velocity(self, message):
-        latency = self.host.p.gnss_latency
-        self._on_speed(
-            'gnss_velocity', self._estimation.gnss, GroundSource.VELOCITY, latency, message
-        )
-
-    def _on_gnss(self, message):
-        # As of a speed.
+    def _on_speed(self, update: Callable[[float, float, float], bool], message: Any) -> None:
         if not self.host.active or self._epoch is None:
             return
-        track, estimation = self._track, self._estimation
+        t = between(self._epoch, message.header.stamp)
+        update(t, message.twist.twist.linear.x, message.twist.covariance[0])
+        if self._estimator.health_due:
+            self._report_health()
+
+    def _on_gnss(self, message: Any) -> None:
+        if not self.host.active or self._epoch is None:
+            return
         position = message.pose.pose.position
         t = between(self._epoch, message.header.stamp)
-        believed = True
-        try:
-            self._jumped = not track.fix(t, [position.x, position.y, position.z])
-            if math.isfinite(track.reading_variance):
-                # The estimate takes the latency away again.
-                believed = estimation.gnss(
-                    track.speed_t + track.latency, track.reading, track.reading_variance
-                )
-        except (ValueError, OverflowError) as error:
-            self._refuse('gnss', error)
-            return
-        self._refused.pop('gnss', None)
-        self._believe('gnss', believed)
-        if self.host.p.calibrate_radius:
-            self._calibration.fix(track)
-            self._calibrate()
+        self._estimator.gnss(t, [position.x, position.y, position.z])
+        if self._estimator.health_due:
+            self._report_health()
 
-    def _believe(self, topic, believed):
-        if believed:
-            self._disbelieved.discard(topic)
-        else:
-            self._disbelieved.add(topic)
+    def _send_slip(self, stamp: Any) -> None:
+        message, estimator = self._slip, self._estimator
+        message.header.stamp = stamp
+        message.slip = estimator.slip.tolist()
+        message.slip_variance = estimator.slip_variance.tolist()
+        message.valid = estimator.valid.tolist()
+        message.wheel_based_speed = estimator.rim_speed.tolist()
+        message.ground_based_speed = estimator.v
+        message.ground_based_speed_variance = estimator.v_variance
+        message.ground_based_speed_valid = estimator.v_valid
+        message.source = int(estimator.source)
+        message.gross_traction = estimator.gross_traction.tolist()
+        message.slip_stiffness = estimator.slip_stiffness.tolist()
+        message.rolling_radius = estimator.slip_filter.rolling_radius.tolist()
+        message.rolling_radius_variance = estimator.calibration.radius_variance.tolist()
+        message.immobilisation = int(estimator.immobilisation.level)
+        message.immobilisation_reason = estimator.immobilisation.reason.value
+        message.time_to_immobilisation = estimator.immobilisation.time_left
+        self._publish_slip(message)
 
-    def _on_speed(self, topic, take_in, source, latency, message):
-        # Before the first wheel_states there is nothing that the speed could belong to.
-        if not self.host.active or self._epoch is None:
-            return
-        twist = message.twist
-        t = between(self._epoch, message.header.stamp)
-        plausible = self._plausibility.speed(topic, t, twist.twist.linear.x)
-        try:
-            believed = plausible and take_in(t, twist.twist.linear.x, twist.covariance[0])
-        except ValueError as error:
-            self._refuse(topic, error)
-            return
-        self._refused.pop(topic, None)
-        v = twist.twist.linear.x
-        if topic == 'radar' and abs(v) < self.host.p.radar_min_speed:
-            self._believe(topic, True)
-            return
-        self._believe(topic, believed)
-        if self.host.p.calibrate_radius:
-            self._calibration.speed(source, t - latency, v)
-            self._calibrate()
-
-    def _send_terrain(self, stamp):
-        terrain, estimation = self._terrain, self._estimation
-        terrain.header.stamp = stamp
-        terrain.max_shear_stress = estimation.max_shear_stress.tolist()
-        terrain.max_shear_stress_variance = estimation.max_shear_stress_variance.tolist()
-        terrain.shear_deformation_modulus = estimation.shear_deformation_modulus.tolist()
-        terrain.shear_deformation_modulus_variance = (
-            estimation.shear_deformation_modulus_variance.tolist()
+    def _send_terrain(self, stamp: Any) -> None:
+        message, soil = self._terrain, self._estimator.slip_filter
+        message.header.stamp = stamp
+        message.max_shear_stress = soil.max_shear_stress.tolist()
+        message.max_shear_stress_variance = soil.max_shear_stress_variance.tolist()
+        message.shear_deformation_modulus = soil.shear_deformation_modulus.tolist()
+        message.shear_deformation_modulus_variance = (
+            soil.shear_deformation_modulus_variance.tolist()
         )
-        terrain.gross_traction = estimation.gross_traction.tolist()
-        terrain.slip_stiffness = estimation.slip_stiffness.tolist()
-        terrain.sinkage = estimation.sinkage.tolist()
-        terrain.sinkage_variance = estimation.sinkage_variance.tolist()
-        terrain.valid = estimation.strength_known.tolist()
-        terrain.external_resistance = estimation.external_resistance
-        terrain.external_resistance_variance = estimation.external_resistance_variance
-        self._publish_terrain(terrain)
+        message.gross_traction = soil.gross_traction.tolist()
+        message.slip_stiffness = soil.slip_stiffness.tolist()
+        message.sinkage = soil.sinkage.tolist()
+        message.sinkage_variance = soil.sinkage_variance.tolist()
+        message.valid = soil.strength_known.tolist()
+        message.external_resistance = soil.external_resistance
+        message.external_resistance_variance = soil.external_resistance_variance
+        self._publish_terrain(message)
 
-    def _send_odometry(self, stamp):
-        message, odometry = self._odometry_message, self._odometry
+    def _send_odometry(self, stamp: Any) -> None:
+        message, odometry = self._odometry_message, self._estimator.odometry
         message.header.stamp = stamp
         pose, twist = message.pose, message.twist
         pose.pose.position.x = odometry.x
@@ -594,42 +423,23 @@ class SlipEstimatorBehaviour(Behaviour):
         pose.pose.orientation.w = math.cos(0.5 * odometry.yaw)
         self._pose_covariance[_PLANAR] = odometry.covariance
         pose.covariance = self._pose_covariance.ravel()
-        yaw_rate, yaw_variance = self._yaw
-        twist.twist.linear.x = self._estimation.v
-        twist.twist.angular.z = yaw_rate
-        twist.covariance[0] = self._estimation.v_variance
-        twist.covariance[35] = min(yaw_variance, UNOBSERVED)
+        twist.twist.linear.x = self._estimator.v
+        twist.twist.angular.z = self._estimator.yaw_rate
+        twist.covariance[0] = self._estimator.v_variance
+        twist.covariance[35] = min(self._estimator.yaw_rate_variance, UNOBSERVED)
         self._publish_odometry(message)
 
-    def _refuse(self, what, error):
-        self._refused[what] = str(error)
-        self._report_health()
-
-    def _report_health(self):
-        estimation, watch = self._estimation, self._immobilisation
-        if self._refused:
-            level, said = diagnostic.ERROR, 'refused: ' + '; '.join(self._refused.values())
-        elif watch.level is Level.IMMOBILISED:
-            level, said = diagnostic.ERROR, f'immobilised: {watch.reason.value}'
-        elif watch.level is Level.WARNING:
-            level, said = diagnostic.WARN, f'immobilisation is near: {watch.reason.value}'
-        elif self._jumped:
-            level, said = diagnostic.WARN, 'gnss has jumped: refused'
-        elif self._disbelieved:
-            topics = ' and '.join(sorted(self._disbelieved))
-            level, said = diagnostic.WARN, f'{topics} against wheels and torque: not believed'
-        elif estimation.source is Source.WHEEL:
-            level, said = diagnostic.WARN, 'radar silent: slip rests on shaft torque'
-        else:
-            level, said = diagnostic.OK, 'estimating'
+    def _report_health(self) -> None:
+        estimator = self._estimator
+        level, said = estimator.health
         self.host.set_diagnostic(
-            level,
+            int(level),
             said,
-            ground_speed=estimation.v,
-            ground_speed_deviation=math.sqrt(estimation.v_variance),
-            gnss_refused=self._track.refused,
-            radius_state=self._calibration.state.value if self.host.p.calibrate_radius else 'off',
-            time_to_immobilisation=watch.time_left,
+            ground_speed=estimator.v,
+            ground_speed_deviation=math.sqrt(estimator.v_variance),
+            gnss_refused=estimator.gnss_track.refused,
+            radius_state=estimator.radius_state,
+            time_to_immobilisation=estimator.immobilisation.time_left,
         )
 
 
