@@ -4,7 +4,7 @@ PYTHON ?=
 STEPS := benchmarks/controller_step.py benchmarks/estimator_step.py
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test faults fuzz verify evaluate bench nightly lint golden bags clean
+.PHONY: help setup demo test faults fuzz verify evaluate bench nightly lint golden docs bags clean
 
 help:  ## Show this list
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' Makefile | expand -t 16
@@ -49,6 +49,9 @@ golden: setup  ## Replay all bags and keep what comes out in tests/golden
 	@for bag in bags/*/; do \
 	  .venv/bin/traction replay $$bag --golden tests/golden/$$(basename $$bag).golden || exit 1; \
 	done; git --no-pager diff --stat tests/golden
+
+docs: setup  ## Write parameter files and the READMEs' parameter tables from the nodes' tables
+	@.venv/bin/python -m traction_bringup.parameter_docs ros2_ws/src
 
 bags: setup  ## Make the bags in bags/ again from their CSV files
 	@.venv/bin/python -m traction_evaluation.verification.chrono_bags

@@ -9,6 +9,7 @@ release it. Times are those of a steady clock, which the caller reads.
 import enum
 import math
 from collections.abc import Sequence
+from types import SimpleNamespace
 
 from traction_node.joints import JointError, JointOrder
 
@@ -171,6 +172,41 @@ class TorqueGate:
         self._last_stamped = -math.inf
         self._commands = JointOrder(wheel_names, 'torque', only=True)
         self._measurements = JointOrder(wheel_names, 'shaft torque')
+
+    @classmethod
+    def from_parameters(cls, p: SimpleNamespace) -> 'TorqueGate':
+        """Gate with the parameters of the node `torque_gate`.
+
+        Parameters
+        ----------
+        p : types.SimpleNamespace
+            Values by name, as in its table; a limit of one entry is that of every wheel.
+
+        Returns
+        -------
+        TorqueGate
+            At the safe torque.
+
+        Raises
+        ------
+        ValueError
+            Naming what is inconsistent.
+        """
+        n = len(p.wheel_names)
+        low, high, rate = (
+            values * n if len(values) == 1 else values
+            for values in (p.min_torque, p.max_torque, p.max_rate)
+        )
+        return cls(
+            p.wheel_names,
+            low,
+            high,
+            rate,
+            timeout=p.timeout,
+            release_time=p.release_time,
+            safe_torque=p.safe_torque,
+            max_age=p.max_age,
+        )
 
     def command(
         self, t: float, stamp: float, names: Sequence[str], efforts: Sequence[float]

@@ -11,20 +11,21 @@ import rclpy
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.exceptions import ParameterException
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
 
+from traction_node.behaviour import Behaviour
 from traction_node.node import HostNode, LifecycleHostNode
 from traction_node.transport import use_udp
 
 try:
     from rclpy.experimental import EventsExecutor
 except ImportError:  # older releases of rclpy
-    EventsExecutor = None
+    EventsExecutor = None  # type: ignore[assignment]
 
 SIGNALS = {signal.SIGINT, signal.SIGTERM}
 RCLError = rclpy_implementation.RCLError
@@ -35,7 +36,7 @@ SPIN_TIMEOUT = 60.0  # [s]
 SELF_TEST_TIMEOUT = 0.5  # [s]
 
 
-def self_test(executor, node):
+def self_test(executor: Executor, node: Node) -> bool:
     """True if an executor runs a timer, ends on a future, and ends on a timeout.
 
     Parameters
@@ -47,7 +48,7 @@ def self_test(executor, node):
     """
     fired = Future()
 
-    def fire():
+    def fire() -> None:
         if not fired.done():
             fired.set_result(None)
 
@@ -55,14 +56,14 @@ def self_test(executor, node):
     try:
         executor.spin_until_future_complete(fired, timeout_sec=SELF_TEST_TIMEOUT)
         executor.spin_until_future_complete(Future(), timeout_sec=0.001)
-        return fired.done()
+        return bool(fired.done())
     except RuntimeError:
         return False
     finally:
         node.destroy_timer(timer)
 
 
-def executor_for(node):
+def executor_for(node: Node) -> Executor:
     """The fastest executor that works here, with the node added.
 
     The EventsExecutor takes a quarter of the processor time of the others and keeps timers to
@@ -81,7 +82,7 @@ def executor_for(node):
     return executor
 
 
-def catch_signals():
+def catch_signals() -> int:
     """Note SIGINT and SIGTERM in a pipe, whichever thread they reach and whenever they come.
 
     Python's own handlers run in the main thread only, which a C++ executor does not leave;
@@ -100,7 +101,7 @@ def catch_signals():
     return receiving
 
 
-def stop_on_signal(signals, executor, stop):
+def stop_on_signal(signals: int, executor: Executor, stop: Future) -> None:
     """End spinning on the first SIGINT or SIGTERM, and the process on the second.
 
     The node can then still publish its last messages, which a signal handler of rclpy would
@@ -116,7 +117,7 @@ def stop_on_signal(signals, executor, stop):
         Future to complete.
     """
 
-    def wait():
+    def wait() -> None:
         os.read(signals, 1)
         if not stop.done():
             stop.set_result(None)
@@ -127,7 +128,7 @@ def stop_on_signal(signals, executor, stop):
     threading.Thread(target=wait, name='signals', daemon=True).start()
 
 
-def spin(executor, stop):
+def spin(executor: Executor, stop: Future) -> None:
     """Run callbacks until `stop` is done or the context is shut down.
 
     Parameters
@@ -142,7 +143,7 @@ def spin(executor, stop):
         pass
 
 
-def make_node(behaviour):
+def make_node(behaviour: type[Behaviour]) -> HostNode | LifecycleHostNode:
     """Node that runs a behaviour, by its `LIFECYCLE` one or the other kind.
 
     Parameters
@@ -151,11 +152,11 @@ def make_node(behaviour):
         Subclass of `traction_node.behaviour.Behaviour`.
     """
     if issubclass(behaviour, Node):
-        return behaviour()
+        return behaviour()  # type: ignore[call-arg, return-value]
     return (LifecycleHostNode if behaviour.LIFECYCLE else HostNode)(behaviour)
 
 
-def run(behaviour, args=None):
+def run(behaviour: type[Behaviour], args: list[str] | None = None) -> int:
     """Make a node of a behaviour, spin it until it is told to end, and end it.
 
     Parameters
@@ -189,7 +190,7 @@ def run(behaviour, args=None):
         except (ValueError, OSError, ParameterException, RCLError) as error:
             report(behaviour, error)
             return BAD_INPUT
-        reason = ''
+        reason: object = ''
         try:
             spin(executor, node.finished)
         finally:
@@ -212,7 +213,7 @@ def run(behaviour, args=None):
         rclpy.try_shutdown()
 
 
-def report(behaviour, reason):
+def report(behaviour: type[Behaviour], reason: object) -> None:
     """Print in one line why a node does not run."""
     # rcl appends the places in its own source, which tell a user nothing.
     reason = re.sub(r', at \S+\.c:\d+', '', ' '.join(str(reason).split()))

@@ -1,11 +1,12 @@
-"""What the node `torque_gate` does: `wheel_torque_command` in, limited `wheel_torque` out.
+"""Node `torque_gate`: `wheel_torque_command` in, checked and limited `wheel_torque` out."""
 
-A behaviour runs in a ROS 2 process or in lock step, see `traction_evaluation.replay.lockstep`.
-"""
+from types import SimpleNamespace
+from typing import Any
 
 from torque_gate.gate import WATCHDOG_PERIOD, State, StopSource, TorqueGate
 from traction_node.behaviour import Behaviour
 from traction_node.diagnostic import ERROR, OK, WARN
+from traction_node.host import Host
 from traction_node.parameter import NodeParameter
 from traction_node.stamp import seconds
 
@@ -23,7 +24,7 @@ LEVELS = {
 
 
 class TorqueGateBehaviour(Behaviour):
-    """Last node before the hardware; see `torque_gate.gate` for what it checks."""
+    """Messages to `torque_gate.gate.TorqueGate` and back, with a watchdog on the steady clock."""
 
     NAME = 'torque_gate'
     LIFECYCLE = True
@@ -37,21 +38,21 @@ class TorqueGateBehaviour(Behaviour):
         NodeParameter(
             'min_torque',
             default=[-3000.0],
-            description='least torque per wheel, or one for all',
+            description='minimum torque of each wheel, or one for all; forward positive',
             unit='N·m',
             read_only=True,
         ),
         NodeParameter(
             'max_torque',
             default=[8000.0],
-            description='most torque per wheel, or one for all',
+            description='maximum torque of each wheel, or one for all; forward positive',
             unit='N·m',
             read_only=True,
         ),
         NodeParameter(
             'max_rate',
             default=[30000.0],
-            description='fastest change of torque per wheel, or one for all',
+            description='maximum rate of torque of each wheel, or one for all',
             unit='N·m/s',
             minimum=1.0,
             read_only=True,
@@ -59,7 +60,7 @@ class TorqueGateBehaviour(Behaviour):
         NodeParameter(
             'timeout',
             default=0.1,
-            description='time that the last good command holds',
+            description='time for which the last good command holds',
             unit='s',
             minimum=0.01,
             maximum=0.19,
@@ -68,7 +69,7 @@ class TorqueGateBehaviour(Behaviour):
         NodeParameter(
             'release_time',
             default=0.06,
-            description='time to go from there to the safe torque',
+            description='time in which torque then goes to the safe torque',
             unit='s',
             minimum=0.0,
             maximum=0.18,
@@ -78,7 +79,8 @@ class TorqueGateBehaviour(Behaviour):
             'max_age',
             default=0.2,
             description=(
-                'a command this much older by its stamp than the newest wheel states is stale'
+                'a command whose stamp is this much older or younger than that of the '
+                'newest wheel states is refused'
             ),
             unit='s',
             minimum=0.01,
@@ -94,16 +96,18 @@ class TorqueGateBehaviour(Behaviour):
         ),
     )
 
-    # Who holds an emergency stop outlives the gate that is built anew.
-    _stopped_by = frozenset()
+    def __init__(self, host: Host):
+        super().__init__(host)
+        # An emergency stop outlives the gate, which is built anew when the node is configured.
+        self._stopped_by: frozenset[StopSource] = frozenset()
 
-    def check_parameters(self, p):
+    def check_parameters(self, p: SimpleNamespace) -> None:
         """Refuse limits that do not fit the wheels or each other."""
-        _make_gate(p)
+        TorqueGate.from_parameters(p)
 
-    def configure(self):
+    def configure(self) -> None:
         """Build the gate; measured torques are followed from here on."""
-        self._gate = _make_gate(self.host.p)
+        self._gate = TorqueGate.from_parameters(self.host.p)
         for source in self._stopped_by:
             self._gate.emergency_stop(source, True)
         self._output = self.host.message('wheel_torque')
@@ -118,27 +122,27 @@ class TorqueGateBehaviour(Behaviour):
         self.host.subscription('wheel_torque_command', self._command)
         self.host.subscription('emergency_stop', self._stop_by_topic)
         self.host.service('emergency_stop', 'std_srvs/srv/SetBool', self._stop_by_service)
-        self._told_state = None
+        self._told_state: State | None = None
         self._told_level = OK
         self._told_at = 0.0
 
-    def activate(self):
+    def activate(self) -> None:
         """Begin to pass commands, and to put out the safe torque without them."""
         self._told_state = None
         self.host.steady_timer(WATCHDOG_PERIOD, self._watch)
 
-    def deactivate(self):
+    def deactivate(self) -> None:
         """Leave the wheels at the safe torque."""
         self._gate.release()
         self._publish(self._newest_stamp)
 
-    def _measured(self, message):
+    def _measured(self, message: Any) -> None:
         self._newest_stamp = message.header.stamp
         self._gate.measured(
             self.host.steady_time(), seconds(message.header.stamp), message.name, message.effort
         )
 
-    def _command(self, message):
+    def _command(self, message: Any) -> None:
         if not self.host.active:
             return
         stamp = message.header.stamp
@@ -148,35 +152,35 @@ class TorqueGateBehaviour(Behaviour):
             self._publish(stamp)
         self._tell(now)
 
-    def _stop_by_topic(self, message):
+    def _stop_by_topic(self, message: Any) -> None:
         self._stop(StopSource.TOPIC, message.data)
 
-    def _stop_by_service(self, request, response):
+    def _stop_by_service(self, request: Any, response: Any) -> Any:
         self._stop(StopSource.SERVICE, request.data)
         response.success = True
         response.message = self._gate.reason
         return response
 
-    def _stop(self, source, stop):
+    def _stop(self, source: StopSource, stop: bool) -> None:
         self._gate.emergency_stop(source, stop)
         self._stopped_by = frozenset(self._gate.stopped_by)
         if self.host.active:
             self._watch()
 
-    def _watch(self):
+    def _watch(self) -> None:
         now = self.host.steady_time()
         if self._gate.step(now):
             self._publish(self._newest_stamp)
         self._tell(now)
 
-    def _publish(self, stamp):
+    def _publish(self, stamp: Any) -> None:
         efforts = self._efforts
         for j, torque in enumerate(self._gate.output):
             efforts[j] = torque
         self._output.header.stamp = stamp
         self._publisher.publish(self._output)
 
-    def _tell(self, now):
+    def _tell(self, now: float) -> None:
         """Report what is new and bad, or good again, at once; the rest once a second.
 
         Limits and single bad commands may come and go with every message, which would
@@ -204,16 +208,7 @@ class TorqueGateBehaviour(Behaviour):
             )
 
 
-def _make_gate(p):
-    n = len(p.wheel_names)
-    limits = [
-        values * n if len(values) == 1 else values
-        for values in (p.min_torque, p.max_torque, p.max_rate)
-    ]
-    return TorqueGate(p.wheel_names, *limits, p.timeout, p.release_time, p.safe_torque, p.max_age)
-
-
-def main():
+def main() -> int:
     """Run the node."""
     from traction_node.run import run
 

@@ -1,11 +1,13 @@
 """The node `drive_cycle`: a driver who opens the throttle, in place of autonomy."""
 
 import copy
+from types import SimpleNamespace
+from typing import Any
 
 from traction_node import diagnostic
 from traction_node.behaviour import Behaviour
 from traction_node.parameter import NodeParameter
-from traction_node.stamp import between
+from traction_node.stamp import Stamp, between
 
 
 class DriveCycleBehaviour(Behaviour):
@@ -61,7 +63,7 @@ class DriveCycleBehaviour(Behaviour):
         ),
     )
 
-    def check_parameters(self, p):
+    def check_parameters(self, p: SimpleNamespace) -> None:
         """Refuse torques that do not fit the wheels."""
         if len(p.torque) not in (1, len(p.wheel_names)):
             raise ValueError(
@@ -69,9 +71,9 @@ class DriveCycleBehaviour(Behaviour):
                 f'got {len(p.torque)}'
             )
 
-    def configure(self):
+    def configure(self) -> None:
         """Publish the target and wait for the wheels to speak."""
-        self._begin = None
+        self._begin: Stamp | None = None
         self._request_publisher = self.host.publisher('torque_request')
         self._request = self.host.message('torque_request')
         self._request.name = list(self.host.p.wheel_names)
@@ -82,9 +84,10 @@ class DriveCycleBehaviour(Behaviour):
         self.host.subscription('wheel_states', self._on_wheel_states)
         self.host.set_diagnostic(diagnostic.WARN, 'waiting for wheel_states')
 
-    def _on_wheel_states(self, message):
+    def _on_wheel_states(self, message: Any) -> None:
         p, stamp = self.host.p, message.header.stamp
-        if self._begin is None:
+        begin = self._begin
+        if begin is None:
             there = self._request_publisher.get_subscription_count()
             if there < p.listeners:
                 self.host.set_diagnostic(
@@ -93,9 +96,9 @@ class DriveCycleBehaviour(Behaviour):
                 )
                 return
             # A copy: the message may be reused.
-            self._begin = copy.copy(stamp)
+            begin = self._begin = copy.copy(stamp)
             self.host.set_diagnostic(diagnostic.OK, 'driving')
-        elapsed = max(0.0, between(self._begin, stamp))
+        elapsed = max(0.0, between(begin, stamp))
         if p.duration and elapsed >= p.duration:
             self.host.finish()
             return
@@ -108,7 +111,7 @@ class DriveCycleBehaviour(Behaviour):
         self._request_publisher.publish(self._request)
 
 
-def main():
+def main() -> int:
     """Run the node."""
     from traction_node.run import run
 

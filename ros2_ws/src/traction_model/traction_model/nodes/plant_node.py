@@ -2,6 +2,8 @@
 
 import math
 from collections import Counter
+from types import SimpleNamespace
+from typing import Any
 
 from traction_model.contact.contact import Form
 from traction_model.simulation.drawbar import Drawbar
@@ -236,7 +238,7 @@ class PlantBehaviour(Behaviour):
         ),
     )
 
-    def check_parameters(self, p):
+    def check_parameters(self, p: SimpleNamespace) -> None:
         """Refuse definitions that cannot be loaded and lists that do not fit."""
         if 0.0 < p.real_time_factor < 0.2:
             raise ValueError(
@@ -245,7 +247,7 @@ class PlantBehaviour(Behaviour):
             )
         self._build(p)
 
-    def _build(self, p):
+    def _build(self, p: SimpleNamespace) -> Plant:
         vehicle = load_vehicle(p.vehicle)
         if p.terrain:
             terrain = load_terrain(p.terrain)
@@ -267,7 +269,7 @@ class PlantBehaviour(Behaviour):
             max_power=p.max_power or math.inf,
         )
 
-    def configure(self):
+    def configure(self) -> None:
         """Build the plant and begin to simulate."""
         p = self.host.p
         self._plant = self._build(p)
@@ -279,7 +281,7 @@ class PlantBehaviour(Behaviour):
         )
         self._dt = 1.0 / p.rate
         self._steps = 0
-        self._came_due = Counter()
+        self._came_due: Counter[str] = Counter()
         self._torque = [0.0] * len(names)
         self._torque_steady = -math.inf
         self._answered = False
@@ -333,7 +335,7 @@ class PlantBehaviour(Behaviour):
         self.host.steady_timer(period, self._tick)
         self.host.set_diagnostic(diagnostic.OK, 'simulating', vehicle=p.vehicle, soil=p.soils[0])
 
-    def _on_torque(self, message):
+    def _on_torque(self, message: Any) -> None:
         try:
             self._torque = self._torques.values(message.name, message.effort)
         except ValueError as error:
@@ -349,7 +351,7 @@ class PlantBehaviour(Behaviour):
             if self._answered:
                 self._step()
 
-    def _tick(self):
+    def _tick(self) -> None:
         if self.host.p.real_time_factor:
             due = (self.host.steady_time() - self._began) * self.host.p.real_time_factor
             # A late tick makes up for what it missed, a very late one only for some of it.
@@ -369,7 +371,7 @@ class PlantBehaviour(Behaviour):
             while self.host.steady_time() < until:
                 self._step()
 
-    def _step(self):
+    def _step(self) -> None:
         if self._over:
             return
         silent = self.host.steady_time() - self._torque_steady > self.host.p.torque_timeout
@@ -381,11 +383,11 @@ class PlantBehaviour(Behaviour):
             self._over = True
             self.host.finish()
 
-    def _send(self, name, message):
+    def _send(self, name: str, message: Any) -> None:
         to_stamp(message.header.stamp, self._stamp)
         self._outputs[name].publish(message)
 
-    def _publish(self):
+    def _publish(self) -> None:
         plant, p = self._plant, self.host.p
         self._stamp = self._epoch + plant.t
         if self._simulated_clock:
@@ -428,18 +430,18 @@ class PlantBehaviour(Behaviour):
         self._stepped = self.host.steady_time()
         self._send('wheel_states', wheels)
 
-    def _due(self, name, rate):
+    def _due(self, name: str, rate: float) -> bool:
         """Whether a topic with a rate of its own is due at this step, at most once a step.
 
         Its k-th time is k/rate of simulated time, so that the mean rate is exact even where
         its period is no multiple of the step.
         """
-        due = self._steps * rate >= (self._came_due[name] - 1e-6) * self.host.p.rate
+        due: bool = self._steps * rate >= (self._came_due[name] - 1e-6) * self.host.p.rate
         self._came_due[name] += due
         return due
 
 
-def main():
+def main() -> int:
     """Run the node."""
     from traction_node.run import run
 
