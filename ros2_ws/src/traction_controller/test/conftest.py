@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from traction_evaluation.verification.chrono import CHRONO_RUNS, read_chrono
-from traction_model.lpv.model import sampled, slip_dynamics
+from traction_model.lpv.sampling import sampled
+from traction_model.lpv.slip_dynamics import slip_dynamics
 from traction_model.vehicle.vehicle import GRAVITY, load_vehicle
 
 BAGS = Path(__file__).resolve().parents[4] / 'bags'

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from traction_controller.synthesis.gain_schedule import ControlWeights, GainSchedule, lqi_gains
-from traction_model.lpv.model import slip_dynamics
+from traction_model.lpv.slip_dynamics import slip_dynamics
 from traction_model.vehicle.vehicle import GRAVITY, load_vehicle
 
 REAR = load_vehicle('tractor_4wd').wheels[3]

@@ -8,7 +8,7 @@ import pytest
 
 from traction_controller.control.laws.law import Reading
 from traction_controller.control.laws.pi import PiLaw, ScheduledPiLaw, simc_gains
-from traction_model.lpv.model import slip_dynamics
+from traction_model.lpv.slip_dynamics import slip_dynamics
 from traction_model.vehicle.vehicle import GRAVITY, load_vehicle
 
 TRACTOR = load_vehicle('tractor_4wd')

@@ -11,14 +11,16 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from traction_model.contact.contact import UNTOUCHED, Form, contact, equilibrium_sinkage
-from traction_model.lpv.model import (
-    LpvModel,
-    controllability_rank,
-    sampled,
-    slip_dynamics,
-    wheel_speed,
-)
-from traction_model.lpv.representation import AffineModel, GridModel
+from traction_model.lpv.affine_model import AffineModel
+from traction_model.lpv.controllability import controllability_rank
+from traction_model.lpv.grid_model import GridModel
+from traction_model.lpv.inverse_slip_model import InverseSlipLpvModel
+from traction_model.lpv.polytope import Polytope
+from traction_model.lpv.sampling import sampled
+from traction_model.lpv.slip_dynamics import slip_dynamics
+from traction_model.lpv.slip_model import SlipLpvModel
+from traction_model.lpv.slip_slopes import wheel_speed
+from traction_model.lpv.speed_model import SpeedLpvModel
 from traction_model.simulation.drawbar import Drawbar
 from traction_model.simulation.simulate import simulate
 from traction_model.simulation.vehicle_dynamics import derivative, pack
@@ -28,6 +30,8 @@ from traction_model.soil.soil import Soil, load_soil, preset_soils
 from traction_model.vehicle.coupling import Coupling, constraint_matrix
 from traction_model.vehicle.vehicle import Axle, Vehicle, load_vehicle
 from traction_model.vehicle.wheel import Wheel
+
+MODELS = {'speed': SpeedLpvModel, 'slip': SlipLpvModel, 'inverse_slip': InverseSlipLpvModel}
 
 # Agriculture 2024, 14(3), 499, Table 1; sinkage held at 0.15 m.
 WHEEL = Wheel(radius=0.5, width=0.4, inertia=20)
@@ -234,7 +238,7 @@ def test_speed_states_reproduce_the_equations_of_motion(n, form, seed, soil):
     omega = (v + random.choice([0.0, 0.05, 1.0]) * random.uniform(-2, 2, n)) / radii(of)
     z, z_rate = random.uniform(1e-4, 0.06, n), random.uniform(-0.05, 0.05, n)
     torque, pull = random.uniform(-3000, 3000, n), random.uniform(0, 2000)
-    model = LpvModel(of, form)
+    model = SpeedLpvModel(of, form)
     point = model.at(v, omega, z, soil, sinkage_rate=z_rate, holding_force=held(of, v, pull))
     v_rate, omega_rate = motion(of, form, soil, v, omega, z, z_rate, torque, pull)
     assert lpv_rates(model, point, torque) == pytest.approx(
@@ -255,7 +259,7 @@ def test_slip_states_reproduce_the_equations_of_motion(n, state, form, seed, soi
     omega = wheel_speed(v, slip, radii(of))
     z, z_rate = random.uniform(1e-4, 0.06, n), random.uniform(-0.05, 0.05, n)
     torque, pull = random.uniform(-3000, 3000, n), random.uniform(0, 2000)
-    model = LpvModel(of, form, state=state)
+    model = MODELS[state](of, form)
     point = model.at(v, omega, z, soil, sinkage_rate=z_rate, holding_force=held(of, v, pull))
     v_rate, omega_rate = motion(of, form, soil, v, omega, z, z_rate, torque, pull)
     slip_rates = state_rates(state, v, radii(of) * omega, v_rate, radii(of) * omega_rate)
@@ -271,7 +275,7 @@ def test_a_known_load_is_imposed_as_the_simulation_does(state, form):
     # Sinkage given: the soil carries the wheels' loads, whatever pressure that takes.
     random = np.random.default_rng(5)
     of, n = vehicle(4), 4
-    model = LpvModel(of, form, state=state)
+    model = MODELS[state](of, form)
     nonlinear = pack(of, SOILS['peat'], form, 'given', Drawbar(), multipass=False)
     for _ in range(20):
         v, slip = random.uniform(0.2, 4), random.uniform(0.02, 0.6, n)
@@ -302,7 +306,7 @@ def test_a_known_load_is_imposed_as_the_simulation_does(state, form):
 def test_a_wheel_off_the_ground_feels_no_soil():
     of = vehicle(2)
     for form in Form:
-        model = LpvModel(of, form)
+        model = SpeedLpvModel(of, form)
         point = model.at(1.0, [3.0, 3.0], [-0.1, 0.05], SOILS['dry_sand'])
         soil_on_first = model.matrices(point.rho).B_uc[:, :2] @ point.u_uc[:2]
         assert soil_on_first == pytest.approx([0, 0, 0])
@@ -326,7 +330,7 @@ def test_matrices_by_hand():
     # The paper's wheel, Table 1: A 0.224 m^2, K 0.01 m, n 1.1, W 4905 N, at 25 % slip.
     # A*(1 - K*b/(A*i)) = A - b*K/i = 0.224 - 0.4*0.01*4 = 0.208 m^2.
     # v' per tau 0.208/500; omega' per tau -0.5*0.208/20; v' per z -b*W/((n+1)*A*m).
-    model = LpvModel(RIG, Form.PAPER)
+    model = SpeedLpvModel(RIG, Form.PAPER)
     found = model.matrices(
         {
             'heading': 1,
@@ -356,8 +360,8 @@ def test_matrices_by_hand():
 def test_the_forms_thrust_areas_agree_where_they_should():
     # `PAPER` from 1/i and K, `BEKKER_WONG` from kappa: with kappa = 1/y both are one.
     common = {'heading': 1, 'sinkage_exponent': 1.1, 'area': 0.2, 'load': 5000}
-    paper = LpvModel(RIG, Form.PAPER)
-    exact = LpvModel(RIG, Form.BEKKER_WONG)
+    paper = SpeedLpvModel(RIG, Form.PAPER)
+    exact = SpeedLpvModel(RIG, Form.BEKKER_WONG)
     for inverse_slip in (-2.0, 1.5, 10.0):
         kappa = 0.01 * abs(inverse_slip) / 0.5  # K*|1/i|/l with l = A/b = 0.5 m
         mobilisation = np.sign(inverse_slip) * (1 - kappa)
@@ -395,7 +399,7 @@ def test_units_agree(state, form):
             )
         ],
     )  # fmt: skip
-    model, other = (LpvModel(of, form, state=state) for of in (RIG, scaled))
+    model, other = (MODELS[state](of, form) for of in (RIG, scaled))
     # Typical values, within the ranges of both.
     typical = {
         'heading': 1, 'sinkage_exponent': 1.1, 'area': 0.2, 'load': 500, 'inverse_slip': 3,
@@ -421,7 +425,7 @@ def test_simulated_as_the_plant_is(form):
         RIG, soil, np.full((samples, 1), torque), dt, form=form,
         sinkage=np.full((samples, 1), sinkage), v0=0.8, omega0=[2.0],
     )  # fmt: skip
-    model = LpvModel(RIG, form)
+    model = SpeedLpvModel(RIG, form)
 
     def rates(_, x):
         return lpv_rates(
@@ -464,7 +468,7 @@ def test_lumped_inertia_by_hand():
     # torque on a front wheel counts k times.
     k = 1.02 * 0.85 / 0.65
     everything = (*FOUR_WHEEL_DRIVE, Coupling(('fl',), ('fr',)))
-    model = LpvModel(TRACTOR, Form.BEKKER_WONG, couplings=everything)
+    model = SpeedLpvModel(TRACTOR, Form.BEKKER_WONG, couplings=everything)
     # The first wheel, fl, is the one that is left: its speed is k times that of the rear.
     assert model.state_names == ('v', 'omega_fl')
     J = 120 + 30 * k**2
@@ -500,7 +504,7 @@ def constrained_motion(model, form, soils, v, omega, z, torque, force):
     'couplings', [FOUR_WHEEL_DRIVE[:1], FOUR_WHEEL_DRIVE[1:], FOUR_WHEEL_DRIVE]
 )
 def test_coupled_wheels_against_lagrange_multipliers(couplings, state, form):
-    model = LpvModel(TRACTOR, form, state=state, couplings=couplings)
+    model = MODELS[state](TRACTOR, form, couplings=couplings)
     random = np.random.default_rng(7)
     # Left and right on different soil, so that the couplings carry torque.
     soils = [SOILS[name] for name in ('sandy_loam_15', 'clayey_soil_38') * 2]
@@ -541,7 +545,7 @@ def test_locked_axle_moves_as_one_wheel_of_lumped_inertia():
         RIG, soil, np.full((samples, 1), torque), dt, sinkage=np.full((samples, 1), sinkage),
         v0=0.8, omega0=[2.0],
     )  # fmt: skip
-    model = LpvModel(pair, couplings=[Coupling(('left',), ('right',))])
+    model = SpeedLpvModel(pair, couplings=[Coupling(('left',), ('right',))])
 
     def rates(_, x):
         point = model.at(x[0], [x[1], x[1]], [sinkage, sinkage], soil, load=pair.static_loads())
@@ -566,11 +570,11 @@ def test_locked_axle_moves_as_one_wheel_of_lumped_inertia():
 )
 def test_faulty_couplings_are_named(couplings, reason):
     with pytest.raises(ValueError, match=reason):
-        LpvModel(TRACTOR, couplings=[Coupling(*coupling) for coupling in couplings])
+        SpeedLpvModel(TRACTOR, couplings=[Coupling(*coupling) for coupling in couplings])
 
 
 def test_wheel_speeds_against_a_coupling_are_named():
-    model = LpvModel(TRACTOR, couplings=FOUR_WHEEL_DRIVE[:1])
+    model = SpeedLpvModel(TRACTOR, couplings=FOUR_WHEEL_DRIVE[:1])
     with pytest.raises(ValueError, match=r"omega of wheel 'rr' is 3 rad/s, .* make it 2"):
         model.at(1.0, [2, 2, 2, 3], [0.05] * 4, SOILS['dry_sand'])
 
@@ -580,7 +584,7 @@ def test_wheel_speeds_against_a_coupling_are_named():
 
 def operation(of, form, state, count=40, soil='sandy_loam_15'):
     """The model with the ranges of a day's work: 5 to 40 % slip, 2 to 8 cm, 0.5 to 3 m/s."""
-    model = LpvModel(of, form, state=state)
+    model = MODELS[state](of, form)
     random = np.random.default_rng(3)
     n = model.n_wheels
     met = []
@@ -627,7 +631,7 @@ def test_affine_in_rho_itself_has_an_error_that_is_stated(form):
 def test_polytope_is_its_affine_model(coordinates, form):
     model, met = operation(vehicle(2), form, 'speed')
     affine = AffineModel.fit(model, coordinates)
-    polytope = affine.polytope()
+    polytope = Polytope(affine)
     vertices = list(polytope.vertices())
     for rho in (*met[:10], *model.sample(10, seed=2)):
         weights = polytope.weights(rho)
@@ -649,7 +653,7 @@ def test_polytope_is_its_affine_model(coordinates, form):
 
 def test_ends_of_the_terms_bound_all_samples():
     # 1/slip of either sign: the thrust area's extremes lie at slip -1 and 1, within the range.
-    model = LpvModel(
+    model = SpeedLpvModel(
         RIG, Form.PAPER,
         ranges={
             'inverse_slip': (-20, 20), 'area': (0.15, 0.19), 'load': (4000, 6000),
@@ -663,7 +667,7 @@ def test_ends_of_the_terms_bound_all_samples():
     assert affine.high[0] == pytest.approx(0.186)
     assert affine.low[0] == pytest.approx(-0.186)
     samples = model.sample(500)
-    assert affine.polytope().error(samples[:50]) < 1e-12
+    assert Polytope(affine).error(samples[:50]) < 1e-12
     inverse = np.array([rho['inverse_slip'][0] for rho in samples])
     assert inverse.min() < -1
     assert inverse.max() > 1
@@ -675,17 +679,17 @@ def test_ends_of_the_terms_bound_all_samples():
 def test_polytopes_have_a_limit_and_a_box():
     model, _ = operation(vehicle(8), Form.CONTACT, 'speed', count=4)
     with pytest.raises(ValueError, match=r'24 coordinates vary, a polytope takes at most 16'):
-        AffineModel.fit(model).polytope()
+        Polytope(AffineModel.fit(model))
     model, _ = operation(RIG, Form.CONTACT, 'speed')
-    polytope = AffineModel.fit(model).polytope()
-    beyond = LpvModel(RIG, Form.CONTACT).schedule(
+    polytope = Polytope(AffineModel.fit(model))
+    beyond = SpeedLpvModel(RIG, Form.CONTACT).schedule(
         area=0.09, mobilisation=-0.5, moment_mobilisation=0.3, resistance_gradient=1e3
     )
     affine = polytope.affine
     with pytest.raises(ValueError, match=r'^mobilisation is -0.5, out of its range'):
         polytope.weights(beyond)
     with pytest.raises(ValueError, match=r'^mobilisation_wheel is -0.5, outside the polytope'):
-        AffineModel.fit(model, 'schedule').polytope().weights(beyond)
+        Polytope(AffineModel.fit(model, 'schedule')).weights(beyond)
     with pytest.raises(ValueError, match='corner must be 0 to 7, got 8'):
         polytope.corner(8)
     with pytest.raises(ValueError, match='coordinate moment_area_wheel is not finite'):
@@ -705,7 +709,7 @@ GRID_SPEED = (0.5, 3.0)
 
 def grid(form, state, points, of=RIG):
     return GridModel(
-        LpvModel(of, form, state=state), SOILS['sandy_loam_15'],
+        MODELS[state](of, form), SOILS['sandy_loam_15'],
         np.linspace(*GRID_SLIP, points), np.linspace(*GRID_SINKAGE, points),
         np.linspace(*GRID_SPEED, 4),
     )  # fmt: skip
@@ -777,7 +781,7 @@ def test_slip_states_against_numerical_linearisation(slip, form):
     of = RIG.model_copy(update={'axles': (RIG.axles[0].model_copy(update={'wheel': WHEEL}),)})
     sand = SOILS['paper_sand']
     z, none = np.array([SINKAGE]), np.zeros(1)
-    model = LpvModel(of, form, state='slip')
+    model = SlipLpvModel(of, form)
 
     def rates(v, slip, torque, pull):
         omega = wheel_speed(v, [slip], [0.5])
@@ -811,7 +815,7 @@ def test_slip_states_against_numerical_linearisation(slip, form):
 @pytest.mark.parametrize('slip', [0.02, 0.1, 0.3])
 def test_slip_states_agree_with_the_model_of_the_controller(slip):
     # One wheel, M = r*F: a and b of `slip_dynamics`, which holds for changes.
-    model = LpvModel(RIG, Form.BEKKER_WONG, state='slip')
+    model = SlipLpvModel(RIG, Form.BEKKER_WONG)
     rim = 2.0
     v = (1 - slip) * rim
     point = model.at(v, [rim / 0.5], [SINKAGE], SOILS['paper_sand'])
@@ -826,7 +830,7 @@ def test_slip_states_agree_with_the_model_of_the_controller(slip):
 def test_inverse_slip_makes_the_papers_thrust_linear():
     # F = tau*(A - b*K/i): as a state 1/i has the constant slope -tau*b*K, and at 1/i = 0 all
     # strength is mobilised.
-    model = LpvModel(RIG, Form.PAPER, state='inverse_slip')
+    model = InverseSlipLpvModel(RIG, Form.PAPER)
     soil = SOILS['paper_sand']
     area = 0.4 * np.sqrt(2 * 0.5 * SINKAGE - SINKAGE**2)
     pressure = soil.frictional_modulus * SINKAGE**soil.sinkage_exponent
@@ -864,7 +868,7 @@ OPERATING_GRID = [
 @pytest.mark.parametrize('state', ['slip', 'inverse_slip'])
 @pytest.mark.parametrize('n', [1, 4, 8])
 def test_slip_states_and_speed_are_controllable_on_the_whole_grid(n, state, form):
-    model = LpvModel(vehicle(n), form, state=state)
+    model = MODELS[state](vehicle(n), form)
     for soil in (SOILS[name] for name in ('sandy_loam_15', 'snow_us', 'heavy_clay_25')):
         for v, slip in OPERATING_GRID:
             rho = in_equilibrium(model, form, soil, v, slip).rho
@@ -880,7 +884,7 @@ def test_slip_states_and_speed_are_controllable_on_the_whole_grid(n, state, form
 @ALL_FORMS
 @N_WHEELS
 def test_in_speed_states_torque_does_not_reach_speed(n, form):
-    model = LpvModel(vehicle(n), form)
+    model = SpeedLpvModel(vehicle(n), form)
     for v, slip in OPERATING_GRID:
         rho = in_equilibrium(model, form, SOILS['sandy_loam_15'], v, slip).rho
         assert model.controllability_rank(rho) == n
@@ -890,7 +894,7 @@ def test_in_speed_states_torque_does_not_reach_speed(n, form):
 
 
 def test_coupled_wheels_leave_speed_controllable_by_slip():
-    model = LpvModel(TRACTOR, state='slip', couplings=FOUR_WHEEL_DRIVE)
+    model = SlipLpvModel(TRACTOR, couplings=FOUR_WHEEL_DRIVE)
     soil = SOILS['sandy_loam_15']
     for v in (0.3, 1.0, 3.0):
         for slip in (0.05, 0.1, 0.3):
@@ -917,7 +921,7 @@ def test_rank_whatever_the_units():
 
 
 def test_combined_inputs():
-    model = LpvModel(vehicle(2), Form.CONTACT)
+    model = SpeedLpvModel(vehicle(2), Form.CONTACT)
     found = model.matrices(model.sample(1)[0])
     A, B, C, D = found.combined()
     assert A is found.A
@@ -930,7 +934,7 @@ def test_combined_inputs():
 
 @pytest.mark.parametrize('state', ['speed', 'slip', 'inverse_slip'])
 def test_python_control_takes_the_model(state):
-    model = LpvModel(vehicle(2), Form.CONTACT, state=state)
+    model = MODELS[state](vehicle(2), Form.CONTACT)
     rho = model.sample(1)[0]
     found = model.matrices(rho)
     system = model.to_control(rho)
@@ -948,7 +952,7 @@ def test_python_control_takes_the_model(state):
 
 def test_without_python_control_the_package_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, 'control', None)
-    model = LpvModel(RIG)
+    model = SpeedLpvModel(RIG)
     with pytest.raises(ImportError, match=r'pip install .traction_model\[control\]'):
         model.to_control(model.sample(1)[0])
 
@@ -982,7 +986,7 @@ FITTING = {'area': 0.1, 'mobilisation': 0.5, 'moment_mobilisation': 0.5, 'resist
 def test_faulty_schedules_are_named(fault, reason):
     values = {**FITTING, **fault}
     values = {name: value for name, value in values.items() if value is not None}
-    model = LpvModel(vehicle(2))
+    model = SpeedLpvModel(vehicle(2))
     with pytest.raises(ValueError, match=reason):
         model.schedule(**values)
     with pytest.raises(ValueError, match=reason):
@@ -990,17 +994,15 @@ def test_faulty_schedules_are_named(fault, reason):
 
 
 def test_faulty_models_are_named():
-    with pytest.raises(ValueError, match="unknown state 'slipp'; did you mean 'slip'"):
-        LpvModel(RIG, state='slipp')
     with pytest.raises(ValueError, match="unknown scheduling parameter 'load'"):
-        LpvModel(RIG, ranges={'load': (0, 1)})
+        SpeedLpvModel(RIG, ranges={'load': (0, 1)})
     for low, high in ((0.1, 0.05), (0.1, 5.0)):
         with pytest.raises(ValueError, match='range of area must increase and lie within'):
-            LpvModel(RIG, ranges={'area': (low, high)})
+            SpeedLpvModel(RIG, ranges={'area': (low, high)})
     with pytest.raises(ValueError, match='no schedules to span a range'):
-        LpvModel(RIG).narrowed([])
+        SpeedLpvModel(RIG).narrowed([])
     with pytest.raises(KeyError, match="unknown scheduling parameter 'aera'"):
-        LpvModel(RIG).sample(1)[0]['aera']
+        SpeedLpvModel(RIG).sample(1)[0]['aera']
 
 
 @pytest.mark.parametrize(
@@ -1028,7 +1030,7 @@ def test_faulty_states_of_motion_are_named(fault, reason):
         'v': 1.0, 'omega': [2.5, 2.5], 'sinkage': [0.05, 0.05], 'soil': SOILS['dry_sand'],
         **fault,
     }  # fmt: skip
-    model = LpvModel(vehicle(2))
+    model = SpeedLpvModel(vehicle(2))
     if reason is None:
         # Soil without any strength shears without any force: nothing to schedule, all exact.
         assert np.all(model.at(**state).rho['mobilisation'] == 0)
@@ -1040,19 +1042,19 @@ def test_faulty_states_of_motion_are_named(fault, reason):
 def test_a_curve_is_asked_for():
     for state in ('speed', 'slip'):
         with pytest.raises(ValueError, match='form empirical needs soils with a traction_curve'):
-            LpvModel(RIG, Form.EMPIRICAL, state=state).at(1.0, [2.5], [0.05], PEAT)
+            MODELS[state](RIG, Form.EMPIRICAL).at(1.0, [2.5], [0.05], PEAT)
     with pytest.raises(ValueError, match='form empirical needs soils with a traction_curve'):
-        GridModel(LpvModel(RIG, Form.EMPIRICAL), PEAT, [0.1, 0.2], [0.01, 0.02], [1, 2])
+        GridModel(SpeedLpvModel(RIG, Form.EMPIRICAL), PEAT, [0.1, 0.2], [0.01, 0.02], [1, 2])
 
 
 def test_slip_states_know_their_limits():
     soil = SOILS['dry_sand']
-    slow = LpvModel(RIG, state='slip')
+    slow = SlipLpvModel(RIG)
     with pytest.raises(ValueError, match=r'speed is 0.01 m/s, out of its range 0.05 to 100'):
         slow.at(0.01, [0.1], [0.05], soil)
     with pytest.raises(ValueError, match=r'slip of wheel|slip is 1|slip.* out of its range'):
         slow.at(0.06, [50.0], [0.05], soil)
-    rolling = LpvModel(RIG, state='inverse_slip')
+    rolling = InverseSlipLpvModel(RIG)
     with pytest.raises(ValueError, match='inverse_slip must be finite'):
         rolling.at(1.0, [2.0], [0.05], soil)
     # 1/i = rim/(rim - v) = 1.001/0.001.

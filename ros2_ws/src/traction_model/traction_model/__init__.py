@@ -8,7 +8,9 @@ from traction_model.contact.tractive import (
     tractive_figures,
 )
 from traction_model.definition import DefinitionError
-from traction_model.lpv.model import LpvModel
+from traction_model.lpv.inverse_slip_model import InverseSlipLpvModel
+from traction_model.lpv.slip_model import SlipLpvModel
+from traction_model.lpv.speed_model import SpeedLpvModel
 from traction_model.simulation.batch import Batch, simulate_batch
 from traction_model.simulation.drawbar import Drawbar
 from traction_model.simulation.plant import Plant
@@ -28,10 +30,12 @@ __all__ = [
     'DefinitionError',
     'Drawbar',
     'Form',
-    'LpvModel',
+    'InverseSlipLpvModel',
     'Pacejka',
     'Plant',
+    'SlipLpvModel',
     'Soil',
+    'SpeedLpvModel',
     'Terrain',
     'TractiveFigures',
     'Trajectory',

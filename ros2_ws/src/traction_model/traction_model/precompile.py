@@ -2,6 +2,7 @@
 
 from traction_model.contact.contact import Form
 from traction_model.contact.tractive import tractive_figures
+from traction_model.interpolation import GridTable
 from traction_model.simulation.batch import simulate_batch
 from traction_model.simulation.plant import Plant
 from traction_model.simulation.simulate import simulate
@@ -23,6 +24,7 @@ def main() -> None:
     _ = plant.slip, plant.slip_valid, plant.max_shear_stress, plant.external_resistance
     tractive_figures(load_soil('paper_sand'), vehicle, [0.1])
     curve.net_traction_ratio([0.1])
+    GridTable([[0.0, 1.0]], [0.0, 1.0]).at(0.5)
     simulate(vehicle, terrain, [[0.0], [100.0], [100.0]], 0.01)
     simulate_batch(vehicle, terrain, [[0.0], [100.0], [100.0]], 0.01)
 

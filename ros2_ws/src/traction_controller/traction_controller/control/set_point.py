@@ -16,9 +16,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from traction_model.contact.tractive import static_contact_length, tractive_figures
+from traction_model.interpolation import GridTable
 from traction_model.soil.soil import Soil
 from traction_model.vehicle.vehicle import Vehicle
 from traction_model.vehicle.wheel import Wheel
@@ -90,14 +90,16 @@ class SetPoint:
             if (wheel, load) not in kinds:
                 kinds.append((wheel, load))
             self._kind.append(kinds.index((wheel, load)))
-        # Gross and net traction, N, of every kind of wheel over strength, K and slip.
-        self._curves = np.empty((len(kinds), len(_STRENGTHS), len(_MODULI), 2, len(_SLIPS)))
-        for k, (wheel, load) in enumerate(kinds):
+        # Of every kind of wheel: gross and net traction over slip, N, by strength and K.
+        self._curves = []
+        for wheel, load in kinds:
+            curves = np.empty((len(_STRENGTHS), len(_MODULI), 2, len(_SLIPS)))
             for p, strength in enumerate(_STRENGTHS):
                 for q, modulus in enumerate(_MODULI):
                     ground = soil.sheared(float(strength), float(modulus))
                     figures = tractive_figures(ground, wheel, _SLIPS, load)
-                    self._curves[k, p, q] = figures.gross_traction, figures.net_traction
+                    curves[p, q] = figures.gross_traction, figures.net_traction
+            self._curves.append(GridTable([np.log(_STRENGTHS), np.log(_MODULI)], curves))
         self.reset()
 
     def reset(self) -> None:
@@ -175,7 +177,7 @@ class SetPoint:
         gross, net = np.zeros((2, len(_SLIPS)))
         for soil, kind in zip(self._soils, self._kind, strict=True):
             if soil is not None:
-                curves = self._interpolated(kind, *soil)
+                curves = self._curves[kind].at(*np.log(soil))
                 gross += curves[0]
                 net += curves[1]
         within = (_SLIPS - self.low > -1e-9) & (_SLIPS - self.high < 1e-9)
@@ -193,22 +195,3 @@ class SetPoint:
             lean = float(0.5 * (before - after) / (before - 2.0 * top + after))
             goal += lean * float(_SLIPS[1] - _SLIPS[0])
         return min(max(goal, self.low), self.high)
-
-    def _interpolated(self, kind: int, strength: float, modulus: float) -> NDArray[np.float64]:
-        """Gross and net traction over slip of one kind of wheel, N, shape (2, slips)."""
-        p, along_p = _place(strength, _STRENGTHS)
-        q, along_q = _place(modulus, _MODULI)
-        cell = self._curves[kind, p : p + 2, q : q + 2]
-        low, high = cell[0], cell[1]
-        at_low = (1.0 - along_q) * low[0] + along_q * low[1]
-        at_high = (1.0 - along_q) * high[0] + along_q * high[1]
-        return np.asarray((1.0 - along_p) * at_low + along_p * at_high)
-
-
-def _place(value: float, grid: NDArray[np.float64]) -> tuple[int, float]:
-    """Cell of a grid even in logarithms that holds a value, and how far into it, 0 to 1."""
-    cells = len(grid) - 1
-    position = math.log(value / grid[0]) / math.log(grid[-1] / grid[0]) * cells
-    position = min(max(position, 0.0), float(cells))
-    cell = min(int(position), cells - 1)
-    return cell, position - cell

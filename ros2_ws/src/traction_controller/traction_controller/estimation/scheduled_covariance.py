@@ -33,7 +33,7 @@ from traction_controller.estimation.filter_step import (
 )
 from traction_controller.estimation.kalman import Method
 from traction_controller.estimation.wheel_contact import quasi_static
-from traction_model.kernel import kernel
+from traction_model.interpolation import GridTable
 from traction_model.soil.rut import fresh_ruts
 from traction_model.vehicle.wheel import FRICTION, RADIUS, STATIC_LOAD, TRACK
 
@@ -49,35 +49,6 @@ WHEEL_PERIOD, SPEED_PERIOD = 0.01, 0.1
 """From reading to reading of the wheels, and of the speed, s."""
 OLD = 30.0
 """Age of the soil that was never seen to change, s, and how long it is driven on first."""
-
-
-@kernel
-def interpolate(table, weights, places, p):
-    """Look up a matrix in a table of four parameters, linearly.
-
-    Parameters
-    ----------
-    table : ndarray, shape (a, b, c, d, m, m)
-        Matrices over a grid, each element in its own unit.
-    weights : ndarray, shape (4,)
-        How far on the way to the next grid point, dimensionless, 0 to 1.
-    places : ndarray of int, shape (4,)
-        Number of the grid point before.
-    p : ndarray, shape (m, m)
-        Out: the matrix, in the table's units.
-    """
-    p[:] = 0.0
-    for corner in range(16):
-        share = 1.0
-        i = places.copy()
-        for axis in range(4):
-            if corner >> axis & 1:
-                share *= weights[axis]
-                i[axis] += 1
-            else:
-                share *= 1.0 - weights[axis]
-        if share > 0.0:
-            p += share * table[i[0], i[1], i[2], i[3]]
 
 
 class ScheduledCovariance:
@@ -109,15 +80,12 @@ class ScheduledCovariance:
         self._speed_variance = speed_variance
         self._start = (unknown_drawbar, nominal)
         m = FIRST_WHEEL + PER_WHEEL * len(body.wheels)
-        self._axes = [
-            np.log(SPEEDS), np.array(SLIPS), np.log(SILENCES), np.log([*AGES, OLD])
-        ]  # fmt: skip
-        self._table = np.zeros((*(len(axis) for axis in self._axes), m, m))
+        axes = [np.log(SPEEDS), np.array(SLIPS), np.log(SILENCES), np.log([*AGES, OLD])]
+        table = np.zeros((*(len(axis) for axis in axes), m, m))
         for a, v in enumerate(SPEEDS):
             for b, slipping in enumerate(SLIPS):
-                self._fill(self._table[a, b], v, slipping)
-        self._weights = np.zeros(4)
-        self._places = np.zeros(4, dtype=np.int64)
+                self._fill(table[a, b], v, slipping)
+        self._table = GridTable(axes, table)
 
     def look_up(
         self, v: float, slipping: float, silence: float, age: float, p: NDArray[np.float64]
@@ -136,16 +104,10 @@ class ScheduledCovariance:
             Out: covariance of the state, in products of its units.
         """
         least = 1e-3
-        for k, value in enumerate((
+        p[:] = self._table.at(
             math.log(max(v, least)), slipping, math.log(max(silence, least)),
             math.log(max(age, least)),
-        )):  # fmt: skip
-            axis = self._axes[k]
-            place = int(np.clip(np.searchsorted(axis, value) - 1, 0, len(axis) - 2))
-            self._places[k] = place
-            way = (value - axis[place]) / (axis[place + 1] - axis[place])
-            self._weights[k] = min(1.0, max(0.0, way))
-        interpolate(self._table, self._weights, self._places, p)
+        )  # fmt: skip
 
     def _fill(self, table: NDArray[np.float64], v: float, slipping: float) -> None:
         """Compute the covariances at one speed and slip, shape (silences, ages, m, m)."""

@@ -1,6 +1,6 @@
 """Gain schedule: an LQI regulator of slip at every point of a grid over the LPV model.
 
-At a grid point the model is slip under shaft torque (`traction_model.lpv.model.slip_dynamics`),
+At a grid point the model is slip under shaft torque (`traction_model.lpv.slip_dynamics`),
 shaft torque under commanded torque (a first-order lag) and the integral of the slip error:
 
     i' = a*i + b*T,   T' = (u - T)/tau_a,   z' = i_target - i
@@ -17,7 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
-from traction_model.lpv.model import sampled, slip_dynamics
+from traction_model.interpolation import GridTable
+from traction_model.lpv.sampling import sampled
+from traction_model.lpv.slip_dynamics import slip_dynamics
 from traction_model.vehicle.wheel import Wheel
 
 
@@ -138,10 +140,7 @@ class GainSchedule:
             for q, stiffness in enumerate(self.stiffnesses):
                 a, b = slip_dynamics(wheel, load / gravity, rim_speed, stiffness, slip)
                 self.gains[p, q] = lqi_gains(a, b, lag, dt, weights, torque_scale)
-        # Plain numbers: quicker than arrays when one set of gains is wanted at a time.
-        self._log_v = [math.log(v) for v in self.rim_speeds]
-        self._log_c = [math.log(c) for c in self.stiffnesses]
-        self._table = [[tuple(cell) for cell in row] for row in self.gains.tolist()]
+        self._table = GridTable([np.log(self.rim_speeds), np.log(self.stiffnesses)], self.gains)
 
     def at(self, rim_speed: float, stiffness: float) -> tuple[float, float, float]:
         """Interpolate the gains; outside the grid those at its edge.
@@ -158,20 +157,6 @@ class GainSchedule:
         slip_gain, torque_gain, integral_gain : float
             N*m, 1, N*m/s.
         """
-        p, along_v = _place(math.log(max(abs(rim_speed), 1e-6)), self._log_v)
-        q, along_c = _place(math.log(max(stiffness, 1e-6)), self._log_c)
-        low, high = self._table[p], self._table[p + 1]
-        return tuple(  # type: ignore[return-value]
-            (1 - along_v) * ((1 - along_c) * low[q][k] + along_c * low[q + 1][k])
-            + along_v * ((1 - along_c) * high[q][k] + along_c * high[q + 1][k])
-            for k in range(3)
-        )
-
-
-def _place(value: float, grid: list[float]) -> tuple[int, float]:
-    """Cell of an evenly spaced grid that holds a value, and how far into it, 0 to 1."""
-    cells = len(grid) - 1
-    position = (value - grid[0]) / (grid[-1] - grid[0]) * cells
-    position = min(max(position, 0.0), float(cells))
-    cell = min(int(position), cells - 1)
-    return cell, position - cell
+        gains = self._table.at(math.log(max(abs(rim_speed), 1e-6)), math.log(max(stiffness, 1e-6)))
+        slip_gain, torque_gain, integral_gain = gains.tolist()
+        return slip_gain, torque_gain, integral_gain

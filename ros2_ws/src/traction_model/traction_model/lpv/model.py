@@ -1,22 +1,26 @@
-"""LPV models of traction: matrices scheduled by what soil, slip and speed make of them.
+"""LPV models of a vehicle: what those with wheel speeds and those with slips as states share.
 
-`LpvModel` has the vehicle's equations of motion (`traction_model.simulation.vehicle_dynamics`),
-sinkage given, as a linear model whose matrices depend on a scheduling vector rho and on nothing
-else:
+An LPV model has the vehicle's equations of motion
+(`traction_model.simulation.vehicle_dynamics`), sinkage given, as a linear model whose matrices
+depend on a scheduling vector rho and on nothing else:
 
     x' = A(rho)*x + B(rho)*u + B_uc(rho)*u_uc,   y = C*x + D*u
 
 It is exact: with rho, x and u_uc taken at a state (`LpvModel.at`), x' is what the nonlinear
-equations give. Derivation, units and what the paper printed: ``docs/theory.md``, "The paper's
-state space" and "Slip as a state". Source: Agriculture 2024, 14(3), 499 (*the paper*),
-equations (16) to (31).
+equations, the paper's (21), give. There is one class for each kind of state:
 
-`slip_dynamics` is the model of one wheel that the gains of slip control are scheduled with.
+- `traction_model.lpv.speed_model.SpeedLpvModel`: wheel speeds, as in the paper's (29) and (31);
+- `traction_model.lpv.slip_model.SlipLpvModel`: slips;
+- `traction_model.lpv.inverse_slip_model.InverseSlipLpvModel`: 1/slip.
+
+Derivation, units and what the paper printed: ``docs/theory.md``, "The paper's state space" and
+"Slip as a state". Source: Agriculture 2024, 14(3), 499 (*the paper*), equations (16) to (31).
 """
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,19 +28,17 @@ from numpy.typing import ArrayLike, NDArray
 from traction_model.contact.contact import (
     EVERYWHERE,
     FREE,
-    MIN_TRANSIT_SPEED,
     UNTOUCHED,
     Form,
     check_form,
     forces_at,
-    slip_along_path,
 )
-from traction_model.lpv.scheduling import Parameter, Schedule
-from traction_model.slip import slip
-from traction_model.soil.soil import COHESION, N_EXP, SHEAR_MODULUS, TAN_PHI, Soil
+from traction_model.lpv.controllability import controllability_rank
+from traction_model.lpv.matrices import Matrices
+from traction_model.lpv.scheduling import Schedule, SchedulingParameter
+from traction_model.soil.soil import Soil
 from traction_model.vehicle.coupling import Coupling, constraint_matrix
 from traction_model.vehicle.vehicle import GRAVITY, Vehicle
-from traction_model.vehicle.wheel import Wheel
 from traction_node.closest import closest
 
 if TYPE_CHECKING:
@@ -44,56 +46,11 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-State = Literal['speed', 'slip', 'inverse_slip']
-"""What stands for the wheels in x: their speeds, their slips, or 1/slip."""
-
 MIN_SINKAGE = 1e-5
 """Sinkage that a wheel in contact has at least, m: it bounds 1/A."""
 
-LARGEST_INVERSE_SLIP = {'speed': 1e4, 'slip': 1e4, 'inverse_slip': 100.0}
-"""Bound of |1/i|, dimensionless, by `State`.
-
-As a scheduling parameter of the form `PAPER` it may be large, as no thrust is left there; as a
-state it would be lost in rounding and noise.
-"""
-
 LARGEST_LOAD = 20.0
 """Load of one wheel, in weights of the vehicle, that the ranges allow for (dimensionless)."""
-
-
-class Matrices(NamedTuple):
-    """A linear model at one scheduling vector; s states, n torques, k uncontrolled inputs.
-
-    Attributes
-    ----------
-    A : ndarray, shape (s, s)
-        State units per state unit and second.
-    B : ndarray, shape (s, n)
-        Torques: state units per N*m and second.
-    B_uc : ndarray, shape (s, k)
-        Inputs that cannot be controlled: state units per input unit and second.
-    C : ndarray, shape (p, s)
-        Outputs, in units of the states.
-    D : ndarray, shape (p, n)
-        Zero: no torque reaches an output at once; output units per N*m.
-    """
-
-    A: Array
-    B: Array
-    B_uc: Array
-    C: Array
-    D: Array
-
-    def combined(self) -> tuple[Array, Array, Array, Array]:
-        """Return the model with all inputs in one B, ``[u; u_uc]``, as Kalman filters take it.
-
-        Returns
-        -------
-        A, B, C, D : ndarray
-            Shapes (s, s), (s, n + k), (p, s), (p, n + k); units as in `Matrices`.
-        """
-        none = np.zeros((len(self.C), self.B_uc.shape[1]))
-        return self.A, np.hstack([self.B, self.B_uc]), self.C, np.hstack([self.D, none])
 
 
 class OperatingPoint(NamedTuple):
@@ -114,8 +71,22 @@ class OperatingPoint(NamedTuple):
     u_uc: Array
 
 
-class _Contact(NamedTuple):
-    """What soil does to a wheel, N, m^2, N, N*m, N; or arrays of them."""
+class SoilReaction(NamedTuple):
+    """Forces of the soil on wheels, its shear apart from motion resistance.
+
+    Attributes
+    ----------
+    load : float or ndarray, shape (n,)
+        Upward force, N.
+    area : float or ndarray, shape (n,)
+        Contact area, m^2.
+    shear : float or ndarray, shape (n,)
+        Force of the shear stress on the vehicle, N, forward positive.
+    shear_moment : float or ndarray, shape (n,)
+        Its moment about the centre, N*m, positive where it resists forward rotation.
+    resistance : float or ndarray, shape (n,)
+        Motion resistance R, N.
+    """
 
     load: Any
     area: Any
@@ -124,24 +95,45 @@ class _Contact(NamedTuple):
     resistance: Any
 
 
-class LpvModel:
-    """LPV model of a vehicle of n wheels.
+class WheelMotion(NamedTuple):
+    """State of motion of n wheels and what soil makes of it; SI units.
 
-    With `state` 'speed' it is the paper's (29) and (31): x = [v, omega ...], u = T, u_uc =
-    [tau_max, z of every wheel ..., D_x], with the units put right. Torque does not reach v in
-    it. With 'slip' or 'inverse_slip' slips (or 1/slip) stand for wheel speeds, u_uc = [thrust
-    and moment at zero of the wheel's state, z ..., D_x], and v can be controlled.
+    Attributes
+    ----------
+    v : float
+        Speed, m/s, forward positive.
+    omega : ndarray, shape (n,)
+        Wheel speeds, rad/s, forward positive.
+    z, z_rate : ndarray, shape (n,)
+        Sinkage, m, and its rate, m/s, downward positive.
+    soils : ndarray, shape (n, 17)
+        Packed soils.
+    imposed : ndarray, shape (n,)
+        Load that the soil carries, N, or `traction_model.contact.contact.FREE`.
+    reaction : SoilReaction
+        Forces on every wheel.
+    resistance_gradient : ndarray, shape (n,)
+        R/z, N/m; 0 off the ground.
+    """
+
+    v: float
+    omega: Array
+    z: Array
+    z_rate: Array
+    soils: Array
+    imposed: Array
+    reaction: SoilReaction
+    resistance_gradient: Array
+
+
+class LpvModel(ABC):
+    """LPV model of a vehicle of n wheels, whatever stands for the wheels in x.
 
     The soil's force on a wheel is split in two, so that nothing but the scheduling vector
-    enters a matrix:
-
-    - shear, ``F = tau_max*A*mobilisation`` with ``mobilisation = +-(1 - kappa)``,
-    - motion resistance, ``R = resistance_gradient*z``.
-
-    In the closed forms R holds the vehicle back and the wheel's moment is r*F. In the form
-    `CONTACT` stresses are per horizontal area: R acts as a moment r*R about the axle, the shear
-    alone on the vehicle, and its moment has a mobilisation of its own. In the form `EMPIRICAL`
-    the mean pressure N/A stands for tau_max, and mobilisation is the gross traction ratio.
+    enters a matrix: shear, and motion resistance ``R = resistance_gradient*z``. In the closed
+    forms R holds the vehicle back and the wheel's moment is r*F. In the form `CONTACT` stresses
+    are per horizontal area: R acts as a moment r*R about the axle, the shear alone on the
+    vehicle, with a moment of its own.
 
     Parameters
     ----------
@@ -149,8 +141,6 @@ class LpvModel:
         What drives.
     form : Form
         Form of the contact model.
-    state : {'speed', 'slip', 'inverse_slip'}
-        What stands for the wheels in x.
     couplings : sequence of Coupling
         Locked differentials and coupled axles; they leave the independent wheels in x.
     ranges : mapping of str to pair, optional
@@ -159,7 +149,7 @@ class LpvModel:
 
     Attributes
     ----------
-    parameters : dict of str to Parameter
+    parameters : dict of str to SchedulingParameter
         The scheduling parameters and their ranges, each in its own unit.
     state_names, input_names, uncontrolled_names, output_names : tuple of str
         Names of the entries of x, u, u_uc and y.
@@ -176,120 +166,132 @@ class LpvModel:
         Naming what is unknown or out of range.
     """
 
+    state_names: tuple[str, ...]
+    state_units: tuple[str, ...]
+    output_names: tuple[str, ...]
+
     def __init__(
         self,
         vehicle: Vehicle,
         form: Form = Form.CONTACT,
         *,
-        state: State = 'speed',
         couplings: Sequence[Coupling] = (),
         ranges: Mapping[str, tuple[ArrayLike, ArrayLike]] | None = None,
     ) -> None:
-        if state not in get_args(State):
-            raise ValueError(f'unknown state {state!r}{closest(str(state), get_args(State))}')
         self.vehicle = vehicle
         self.form = Form(form)
-        self.state: State = state
         self.couplings = tuple(couplings)
         names = vehicle.wheel_names
         self.constraint, self.independent = constraint_matrix(names, self.couplings)
         wheels = vehicle.wheels
         self._radius = np.array([wheel.radius for wheel in wheels])
+        # Viscous friction T_f = b_f*omega, the paper's (20).
         self._friction = np.array([wheel.viscous_friction for wheel in wheels])
         P = self.constraint
         inertia = P.T @ np.diag([wheel.inertia for wheel in wheels]) @ P
         # Acceleration of the independent wheels per torque on every wheel, 1/(kg*m^2).
         self._per_torque = np.linalg.solve(inertia, P.T)
-        self._on_wheel = self.form == Form.CONTACT
-
-        free = [names[j] for j in self.independent]
-        symbol, unit = ('omega', 'rad/s') if state == 'speed' else (state, '1')
-        self.state_names = ('v', *(f'{symbol}_{name}' for name in free))
-        self.state_units = ('m/s', *(unit for _ in free))
+        self._resists_rotation = self.form == Form.CONTACT
         self.input_names = tuple(f'torque_{name}' for name in names)
-        if state == 'speed':
-            stress = 'pressure' if self.form == Form.EMPIRICAL else 'tau_max'
-            inputs: tuple[tuple[str, str], ...] = ((stress, 'Pa'), ('sinkage', 'm'))
-            self.output_names = ('v', *(f'omega_{name}' for name in names))
-        else:
-            inputs = (('thrust', 'N'), ('moment', 'N*m'), ('sinkage', 'm'))
-            self.output_names = self.state_names
+        inputs = self._wheel_inputs()
         self.uncontrolled_names = (
             *(f'{symbol}_{name}' for name in names for symbol, _ in inputs), 'holding_force',
         )  # fmt: skip
         self.uncontrolled_units = (*(unit for _ in names for _, unit in inputs), 'N')
-        self.parameters = self._valid_ranges()
+        self._name_states([names[j] for j in self.independent])
+        self.parameters = {entry.name: entry for entry in self._valid_ranges()}
         for name, pair in (ranges or {}).items():
             self.parameters[name] = self._narrowed(name, pair)
+
+    @abstractmethod
+    def _wheel_inputs(self) -> tuple[tuple[str, str], ...]:
+        """Name and unit of every uncontrolled input of one wheel."""
+
+    @abstractmethod
+    def _name_states(self, free: Sequence[str]) -> None:
+        """Set the names and units of states and outputs; `free` names the independent wheels."""
+
+    @abstractmethod
+    def _valid_ranges(self) -> list[SchedulingParameter]:
+        """Ranges on which the model holds, whatever the soil."""
+
+    @abstractmethod
+    def _operating_point(self, motion: WheelMotion, holding_force: float) -> OperatingPoint:
+        """Scheduling vector, state and uncontrolled inputs of a motion."""
+
+    @abstractmethod
+    def terms(self, rho: Schedule | Mapping[str, ArrayLike]) -> dict[str, Array]:
+        """Return what rho amounts to in the matrices.
+
+        Parameters
+        ----------
+        rho : Schedule or mapping
+            Scheduling vector, each entry in its parameter's unit.
+
+        Returns
+        -------
+        dict of str to ndarray
+            The terms, units as the class states.
+
+        Raises
+        ------
+        ValueError
+            As `schedule`.
+        """
+
+    @abstractmethod
+    def assemble(self, terms: Mapping[str, Array]) -> Matrices:
+        """Return the matrices of terms, unchecked: what `matrices` and grids build on.
+
+        Parameters
+        ----------
+        terms : mapping of str to ndarray
+            As `terms` returns them, in its units.
+
+        Returns
+        -------
+        Matrices
+            In the units of x, u and u_uc.
+        """
 
     @property
     def n_wheels(self) -> int:
         """Number of wheels, dimensionless."""
         return len(self._radius)
 
-    def _valid_ranges(self) -> dict[str, Parameter]:
-        """Ranges on which the model holds, whatever the soil."""
-        n = self.n_wheels
-        width = np.array([wheel.width for wheel in self.vehicle.wheels])
-        min_length = np.sqrt(2 * self._radius * MIN_SINKAGE - MIN_SINKAGE**2)
-        load = LARGEST_LOAD * self.vehicle.mass * GRAVITY
+    def _resistance_input(self, force: Array, torque: Array, gradient: Array) -> Array:
+        """Columns of B_uc for sinkage: R = gradient*z resists rotation, or the vehicle."""
+        if self._resists_rotation:
+            return np.asarray(-torque * (self._radius * gradient))
+        return np.asarray(-force * gradient)
+
+    def _each(self, value: ArrayLike) -> Array:
+        """One entry for every wheel."""
+        return np.array(np.broadcast_to(np.asarray(value, dtype=float), (self.n_wheels,)))
+
+    def _range(
+        self, name: str, unit: str, low: ArrayLike, high: ArrayLike, reciprocal: bool = False
+    ) -> SchedulingParameter:
+        """Scheduling parameter with one entry for every wheel."""
+        return SchedulingParameter(name, unit, self._each(low), self._each(high), reciprocal)
+
+    @property
+    def _largest_load(self) -> float:
+        """Largest load of a wheel, N."""
+        return LARGEST_LOAD * self.vehicle.mass * GRAVITY
+
+    @property
+    def _least_length(self) -> Array:
+        """Contact length at the least sinkage, m."""
+        return np.asarray(np.sqrt(2 * self._radius * MIN_SINKAGE - MIN_SINKAGE**2))
+
+    def _gradient_range(self) -> SchedulingParameter:
+        """Range of the resistance gradient."""
         # R <= N*sin(theta0), and sin(theta0)/z = cot(theta0/2)/r <= 2/l.
-        gradient = 2 * load / min_length
-        inverse = LARGEST_INVERSE_SLIP[self.state]
+        gradient = 2 * self._largest_load / self._least_length
+        return self._range('resistance_gradient', 'N/m', -gradient, gradient)
 
-        def each(value: ArrayLike) -> Array:
-            return np.array(np.broadcast_to(np.asarray(value, dtype=float), (n,)))
-
-        def parameter(
-            name: str, unit: str, low: ArrayLike, high: ArrayLike, reciprocal: bool = False
-        ) -> Parameter:
-            return Parameter(name, unit, each(low), each(high), reciprocal)
-
-        if self.state != 'speed':
-            slipping = (
-                parameter('slip', '1', -0.99, 0.99)
-                if self.state == 'slip'
-                else parameter('inverse_slip', '1', -inverse, inverse, reciprocal=True)
-            )
-            # Of the order of load*l/K, and l/K <= r/0.1 mm.
-            stiffness = load * self._radius / 1e-4
-            found = [
-                Parameter('speed', 'm/s', np.array([MIN_TRANSIT_SPEED]), np.array([100.0])),
-                slipping,
-                parameter('slip_stiffness', 'N', -stiffness, stiffness),
-                parameter(
-                    'moment_stiffness', 'N*m', -stiffness * self._radius,
-                    stiffness * self._radius,
-                ),
-                parameter('resistance_gradient', 'N/m', -gradient, gradient),
-            ]  # fmt: skip
-            return {entry.name: entry for entry in found}
-        area = parameter('area', 'm^2', width * min_length, 2 * width * self._radius)
-        # The shear stress nowhere exceeds the strength, whose mean over the contact ahead of the
-        # wheel's bottom is tau_max: 1, and more where contact reaches behind it too.
-        mobilisation = parameter('mobilisation', '1', -3.0, 3.0)
-        if self.form in (Form.CONTACT, Form.EMPIRICAL):
-            found = [area, mobilisation]
-            if self.form == Form.CONTACT:
-                found.append(parameter('moment_mobilisation', '1', -3.0, 3.0))
-            found.append(parameter('resistance_gradient', 'N/m', -gradient, gradient))
-        else:
-            found = [
-                Parameter('heading', '1', np.array([-1.0]), np.array([1.0])),
-                parameter('sinkage_exponent', '1', 0.0, 3.0),
-                area,
-                parameter('load', 'N', 0.0, load),
-            ]
-            if self.form == Form.PAPER:
-                found += [
-                    parameter('shear_deformation_modulus', 'm', 1e-4, 1.0),
-                    parameter('inverse_slip', '1', -inverse, inverse, reciprocal=True),
-                ]
-            else:
-                found.append(mobilisation)
-        return {entry.name: entry for entry in found}
-
-    def _narrowed(self, name: str, pair: tuple[ArrayLike, ArrayLike]) -> Parameter:
+    def _narrowed(self, name: str, pair: tuple[ArrayLike, ArrayLike]) -> SchedulingParameter:
         """Parameter with a narrower range."""
         known = self._parameter(name)
         low, high = (self._entries(f'range of {name}', value, known) for value in pair)
@@ -298,9 +300,9 @@ class LpvModel:
                 f'range of {name} must increase and lie within {known.low} to {known.high} '
                 f'{known.unit}, got {pair}'
             )
-        return Parameter(name, known.unit, low, high, known.reciprocal)
+        return SchedulingParameter(name, known.unit, low, high, known.reciprocal)
 
-    def _parameter(self, name: str) -> Parameter:
+    def _parameter(self, name: str) -> SchedulingParameter:
         if name not in self.parameters:
             raise ValueError(
                 f"unknown scheduling parameter '{name}'{closest(name, self.parameters)}"
@@ -308,7 +310,7 @@ class LpvModel:
         return self.parameters[name]
 
     @staticmethod
-    def _entries(name: str, value: ArrayLike, parameter: Parameter) -> Array:
+    def _entries(name: str, value: ArrayLike, parameter: SchedulingParameter) -> Array:
         """Finite entries of a parameter; one number stands for all wheels."""
         entries = np.asarray(value, dtype=float)
         n = len(parameter.low)
@@ -385,7 +387,7 @@ class LpvModel:
             for _ in range(count)
         ]
 
-    def narrowed(self, schedules: Iterable[Schedule]) -> 'LpvModel':
+    def narrowed(self, schedules: Iterable[Schedule]) -> Self:
         """Return the same model with the ranges that some scheduling vectors span.
 
         Parameters
@@ -405,14 +407,12 @@ class LpvModel:
         for name in self.parameters:
             values = np.array([entry[name] for entry in met])
             ranges[name] = (values.min(axis=0), values.max(axis=0))
-        return LpvModel(
-            self.vehicle, self.form, state=self.state, couplings=self.couplings, ranges=ranges
-        )
+        return type(self)(self.vehicle, self.form, couplings=self.couplings, ranges=ranges)
 
-    def _contact(
+    def _soil_reaction(
         self, j: int, v: float, omega: float, z: float, z_rate: float, soil: Array, imposed: float
-    ) -> _Contact:
-        """Ask the contact model, on fresh soil: the one place where it is called."""
+    ) -> SoilReaction:
+        """Forces on a wheel by the contact model, on fresh soil."""
         wheel = self.vehicle.wheels[j]
         load, thrust, resistance, moment, _ = forces_at(
             int(self.form), v, omega, z, z_rate, 0.0, soil.reshape(1, -1), EVERYWHERE,
@@ -420,9 +420,9 @@ class LpvModel:
         )  # fmt: skip
         depth = min(max(z, MIN_SINKAGE), wheel.radius)
         area = wheel.width * math.sqrt(2 * wheel.radius * depth - depth * depth)
-        if self._on_wheel:
+        if self._resists_rotation:
             thrust, moment = thrust - resistance, moment - wheel.radius * resistance
-        return _Contact(load, area, thrust, moment, resistance)
+        return SoilReaction(load, area, thrust, moment, resistance)
 
     def at(
         self,
@@ -440,7 +440,7 @@ class LpvModel:
         Parameters
         ----------
         v : float
-            Speed, m/s, forward positive; at least 0.05 when slip is a state.
+            Speed, m/s, forward positive; at least 0.05 with slips as states.
         omega : array_like, shape (n,)
             Wheel speeds, rad/s, forward positive, in keeping with the couplings.
         sinkage : array_like, shape (n,)
@@ -533,173 +533,17 @@ class LpvModel:
             Each entry in the unit that the model states.
         """
         check_form(self.form, soils)
-        wheels = range(self.n_wheels)
         packed = np.array(
             [soil.packed(wheel) for soil, wheel in zip(soils, self.vehicle.wheels, strict=True)]
         )
-        contacts = [
-            self._contact(j, v, omega[j], z[j], z_rate[j], packed[j], imposed[j]) for j in wheels
+        reactions = [
+            self._soil_reaction(j, v, omega[j], z[j], z_rate[j], packed[j], imposed[j])
+            for j in range(self.n_wheels)
         ]
-        found = _Contact(*(np.array(column) for column in zip(*contacts, strict=True)))
-        depth = np.where(z > 0, z, 1.0)
-        gradient = np.where(z > 0, found.resistance / depth, 0.0)
-        if self.state != 'speed':
-            return self._at_slips(
-                v, omega, z, z_rate, packed, imposed, found, gradient, holding_force
-            )
-
-        # Mohr and Coulomb's, under the mean pressure; a wheel off the ground finds none. A curve
-        # takes thrust as a share of the load.
-        pressure = found.load / found.area
-        strength = packed[:, COHESION] + pressure * packed[:, TAN_PHI]
-        if self.form == Form.EMPIRICAL:
-            strength = pressure
-        strength = np.where(z > 0, strength, 0.0)
-        # Signed as the thrust is, which slip is not in reverse.
-        rim = self._radius * omega
-        slipping = [slip_along_path(v, rim[j]) for j in wheels]
-        values: dict[str, ArrayLike] = {
-            'heading': max(-1.0, min(1.0, v / MIN_TRANSIT_SPEED)),
-            'sinkage_exponent': packed[:, N_EXP],
-            'area': found.area,
-            'load': found.load,
-            'shear_deformation_modulus': packed[:, SHEAR_MODULUS],
-            'inverse_slip': [self._inverse_slip(value) for value in slipping],
-            'mobilisation': self._mobilisation(found.shear, strength * found.area),
-            'moment_mobilisation': self._mobilisation(
-                found.shear_moment / self._radius, strength * found.area
-            ),
-            'resistance_gradient': gradient,
-        }
-        rho = self.schedule(**{name: values[name] for name in self.parameters})
-        x = np.array([v, *omega[list(self.independent)]])
-        u_uc = np.append(np.column_stack([strength, z]).ravel(), holding_force)
-        return OperatingPoint(rho, x, u_uc)
-
-    def _inverse_slip(self, slipping: float) -> float:
-        """1/slip, within its bound when it only schedules."""
-        largest = LARGEST_INVERSE_SLIP[self.state]
-        if self.state == 'speed' and abs(slipping) * largest < 1:
-            return math.copysign(largest, slipping)
-        return 1 / slipping if slipping else math.inf
-
-    def _mobilisation(self, force: Array, strength: Array) -> Array:
-        """Share of the strength, N, that a force takes."""
-        bare = (strength == 0) & (np.abs(force) > 0)
-        if np.any(bare):
-            name = self.vehicle.wheel_names[int(np.flatnonzero(bare)[0])]
-            raise ValueError(
-                f"soil under wheel '{name}' has neither cohesion nor friction, which shear "
-                'is scheduled by'
-            )
-        return np.asarray(np.divide(force, strength, out=np.zeros_like(force), where=strength > 0))
-
-    def _at_slips(
-        self, v: float, omega: Array, z: Array, z_rate: Array, packed: Array,
-        imposed: Array, found: _Contact, gradient: Array, held: float,
-    ) -> OperatingPoint:  # fmt: skip
-        """`at_uncoupled` with slip or 1/slip as state."""
-        n = self.n_wheels
-        slipping = np.array([slip(v, self._radius[j] * omega[j]) for j in range(n)])
-        # Slopes over wheel speed at constant v, the other state.
-        shear_slope, moment_slope = np.empty(n), np.empty(n)
-        for j in range(n):
-            h = 1e-5 * max(abs(omega[j]), max(abs(v), MIN_TRANSIT_SPEED) / self._radius[j])
-            below, above = (
-                self._contact(j, v, speed, z[j], z_rate[j], packed[j], imposed[j])
-                for speed in (omega[j] - h, omega[j] + h)
-            )
-            shear_slope[j] = (above.shear - below.shear) / (2 * h)
-            moment_slope[j] = (above.shear_moment - below.shear_moment) / (2 * h)
-        values: dict[str, ArrayLike] = {
-            'speed': v,
-            'slip': slipping,
-            'inverse_slip': [self._inverse_slip(value) for value in slipping],
-            'resistance_gradient': gradient,
-        }
-        # Where these divide by zero, speed or slip is out of range, as the check below tells.
-        with np.errstate(divide='ignore', invalid='ignore'):
-            per_speed = _slip_slopes(v, slipping)[1] * self._radius
-            values['slip_stiffness'] = shear_slope / per_speed
-            values['moment_stiffness'] = moment_slope / per_speed
-        rho = self.schedule(**{name: values[name] for name in self.parameters})
-
-        states = rho[self.state][list(self.independent)]
-        turned = self._wheel_speed_per_state(v, slipping) @ states
-        at_zero = [found.shear - shear_slope * turned, found.shear_moment - moment_slope * turned]
-        u_uc = np.append(np.column_stack([*at_zero, z]).ravel(), held)
-        return OperatingPoint(rho, np.array([v, *states]), u_uc)
-
-    def _wheel_state_slopes(self, v: float, slipping: Array) -> tuple[Array, Array]:
-        """Slopes of the independent wheels' states over v, s/m, and wheel speed, s/rad."""
-        over_v, over_rim = _slip_slopes(v, slipping)
-        own = list(self.independent)
-        # (1/i)' = -i'/i^2.
-        factor = -1 / slipping[own] ** 2 if self.state == 'inverse_slip' else 1.0
-        return factor * over_v[own], factor * (over_rim * self._radius)[own]
-
-    def _wheel_speed_per_state(self, v: float, slipping: Array) -> Array:
-        """Slope of every wheel's speed over the independent wheels' states, rad/s, (n, g)."""
-        return np.asarray(self.constraint / self._wheel_state_slopes(v, slipping)[1])
-
-    def terms(self, rho: Schedule | Mapping[str, ArrayLike]) -> dict[str, Array]:
-        """Return what rho amounts to in the matrices.
-
-        With wheel speeds as states the matrices are affine in these terms.
-
-        Parameters
-        ----------
-        rho : Schedule or mapping
-            Scheduling vector, each entry in its parameter's unit.
-
-        Returns
-        -------
-        dict of str to ndarray
-            With wheel speeds as states ``thrust_area``, m^2, thrust per tau_max,
-            ``resistance_gradient``, N/m, and, in the form `CONTACT`, ``moment_area``, m^2, the
-            shear's moment per tau_max and radius. With slips ``speed``, m/s, ``slip``,
-            ``slip_stiffness``, N, ``moment_stiffness``, N*m, and ``resistance_gradient``.
-
-        Raises
-        ------
-        ValueError
-            As `schedule`.
-        """
-        values = self.schedule(**(rho.values if isinstance(rho, Schedule) else rho)).values
-        if self.state == 'slip':
-            return dict(values)
-        if self.state == 'inverse_slip':
-            return {
-                'slip' if name == 'inverse_slip' else name: (
-                    1 / entries if name == 'inverse_slip' else entries
-                )
-                for name, entries in values.items()
-            }
-        area = values['area']
-        if self.form == Form.CONTACT:
-            return {
-                'thrust_area': area * values['mobilisation'],
-                'moment_area': area * values['moment_mobilisation'],
-                'resistance_gradient': values['resistance_gradient'],
-            }
-        if self.form == Form.EMPIRICAL:
-            return {
-                'thrust_area': area * values['mobilisation'],
-                'resistance_gradient': values['resistance_gradient'],
-            }
-        width = np.array([wheel.width for wheel in self.vehicle.wheels])
-        if self.form == Form.PAPER:
-            # A*(1 - kappa) with kappa = K/(|i|*l) and A = b*l; none where kappa exceeds 1.
-            inverse = values['inverse_slip']
-            lost = width * values['shear_deformation_modulus'] * np.abs(inverse)
-            thrust_area = np.sign(inverse) * np.maximum(0.0, area - lost)
-        else:
-            thrust_area = area * values['mobilisation']
-        gradient = width * values['load'] / ((values['sinkage_exponent'] + 1) * area)
-        return {
-            'thrust_area': thrust_area,
-            'resistance_gradient': values['heading'] * gradient,
-        }
+        found = SoilReaction(*(np.array(column) for column in zip(*reactions, strict=True)))
+        gradient = np.where(z > 0, found.resistance / np.where(z > 0, z, 1.0), 0.0)
+        motion = WheelMotion(v, omega, z, z_rate, packed, imposed, found, gradient)
+        return self._operating_point(motion, holding_force)
 
     def matrices(self, rho: Schedule | Mapping[str, ArrayLike]) -> Matrices:
         """Return the matrices at a scheduling vector.
@@ -720,58 +564,6 @@ class LpvModel:
             As `schedule`.
         """
         return self.assemble(self.terms(rho))
-
-    def assemble(self, terms: Mapping[str, Array]) -> Matrices:
-        """Return the matrices of terms, unchecked: what `matrices` and grids build on.
-
-        Parameters
-        ----------
-        terms : mapping of str to ndarray
-            As `terms` returns them, in its units.
-
-        Returns
-        -------
-        Matrices
-            In the units of x, u and u_uc.
-        """
-        n, g = self.constraint.shape
-        mass = self.vehicle.mass
-        # What each wheel's shear and moment at its axle do to the states (v, then wheels).
-        force, torque = np.zeros((g + 1, 1)), np.zeros((g + 1, n))
-        force[0] = 1 / mass
-        A = np.zeros((g + 1, g + 1))
-        friction = self._per_torque @ (self._friction[:, None] * self.constraint)
-        if self.state == 'speed':
-            torque[1:] = self._per_torque
-            A[1:, 1:] = -friction
-            lever = terms['moment_area' if self._on_wheel else 'thrust_area']
-            per_wheel = [force * terms['thrust_area'] - torque * (self._radius * lever)]
-            C = np.zeros((n + 1, g + 1))
-            C[0, 0] = 1.0
-            C[1:, 1:] = self.constraint
-        else:
-            v, slipping = float(terms['speed'][0]), terms['slip']
-            over_v, over_speed = self._wheel_state_slopes(v, slipping)
-            force[1:, 0] = over_v / mass
-            torque[1:] = over_speed[:, None] * self._per_torque
-            turned = self._wheel_speed_per_state(v, slipping)
-            per_speed = (_slip_slopes(v, slipping)[1] * self._radius)[:, None]
-            shear = terms['slip_stiffness'][:, None] * per_speed * turned
-            moment = terms['moment_stiffness'][:, None] * per_speed * turned
-            A[:, 1:] = force * shear.sum(axis=0) - torque @ moment
-            # omega = (omega/v)*v: friction is linear in v at a given slip.
-            own = list(self.independent)
-            per_v = _rim_ratio(slipping[own]) / self._radius[own]
-            A[1:, 0] = -over_speed * (friction @ per_v)
-            per_wheel = [np.tile(force, n), -torque]
-            C = np.eye(g + 1)
-        if self._on_wheel:
-            per_wheel.append(-torque * (self._radius * terms['resistance_gradient']))
-        else:
-            per_wheel.append(-force * terms['resistance_gradient'])
-        # Inputs wheel by wheel, then D_x.
-        B_uc = np.hstack([np.stack(per_wheel, axis=2).reshape(g + 1, -1), -force])
-        return Matrices(A, torque, B_uc, C, np.zeros((len(C), n)))
 
     def controllability_rank(
         self, rho: Schedule | Mapping[str, ArrayLike], tolerance: float = 1e-9
@@ -834,163 +626,3 @@ class LpvModel:
             outputs=[f'y_{name}' for name in self.output_names],
             name='lpv',
         )  # fmt: skip
-
-
-def wheel_speed(v: float, slip: ArrayLike, radius: ArrayLike) -> Array:
-    """Wheel speed at a slip, going forward.
-
-    Parameters
-    ----------
-    v : float
-        Speed, m/s, at least 0.
-    slip : array_like
-        Slip, -1 to below 1.
-    radius : array_like
-        Radius of the wheel, m, above 0.
-
-    Returns
-    -------
-    ndarray
-        omega, rad/s.
-    """
-    return np.asarray(v * _rim_ratio(np.asarray(slip, dtype=float)) / np.asarray(radius))
-
-
-def _rim_ratio(slipping: Array) -> Array:
-    """Rim speed over speed at a slip, going forward."""
-    return np.where(slipping >= 0, 1 / (1 - slipping), 1 + slipping)
-
-
-def _slip_slopes(v: float, slipping: Array) -> tuple[Array, Array]:
-    """Slopes of slip over speed and over rim speed, s/m, going forward.
-
-    Driving, i = 1 - v/(r*omega): -1/(r*omega) and v/(r*omega)^2. Braking, i = r*omega/v - 1:
-    -r*omega/v^2 and 1/v.
-    """
-    ratio = _rim_ratio(slipping)
-    driving = slipping >= 0
-    over_v = -np.where(driving, 1 / ratio, ratio) / v
-    over_rim = np.where(driving, 1 / ratio**2, 1.0) / v
-    return over_v, over_rim
-
-
-def controllability_rank(A: Array, B: Array, tolerance: float = 1e-9) -> int:
-    """Rank of the controllability matrix [B, A*B, ...], whatever the units.
-
-    Rows and columns are scaled to a largest entry of 1 in turn, which changes no rank; zero
-    rows stay zero, so that a state no input reaches is never counted.
-
-    Parameters
-    ----------
-    A : ndarray, shape (s, s)
-        State matrix, state units per state unit and second.
-    B : ndarray, shape (s, m)
-        Input matrix, state units per input unit and second.
-    tolerance : float
-        Singular values below this share of the largest count as zero, dimensionless.
-
-    Returns
-    -------
-    int
-        The rank, 0 to s.
-    """
-    blocks = [_scaled(B, 0)]
-    for _ in range(len(A) - 1):
-        # Scaled block by block, as powers of fast and slow rates soon differ by more than
-        # numbers hold.
-        blocks.append(_scaled(A @ blocks[-1], 0))
-    reach = np.hstack(blocks)
-    for _ in range(3):
-        reach = _scaled(_scaled(reach, 1), 0)
-    singular = np.linalg.svd(reach, compute_uv=False)
-    return int(np.sum(singular > tolerance * max(singular[0], np.finfo(float).tiny)))
-
-
-def _scaled(matrix: Array, axis: int) -> Array:
-    """Matrix with the largest entry of every column (0) or row (1) made 1; zeros stay."""
-    largest = np.abs(matrix).max(axis=axis, keepdims=True)
-    return np.asarray(matrix / np.where(largest > 0, largest, 1.0))
-
-
-def slip_dynamics(
-    wheel: Wheel, mass: float, rim_speed: float, slip_stiffness: float, slip: float
-) -> tuple[float, float]:
-    """Linear model of slip under torque at one operating point.
-
-    From ``i = 1 - v/(r*omega)`` and the equations of motion,
-
-        i' = [-(F - R - D)/m + (1 - i)*r*(T - b_f*omega - M)/J] / (r*omega)
-
-    and, with ``M = r*F`` and the slip stiffness ``C = dF/di``, for small changes
-
-        i' = a*i + b*T,   a = -C*(1/m + (1 - i)*r^2/J)/(r*omega),   b = (1 - i)/(J*omega)
-
-    so that rho = (r*omega, C) schedules both: b changes tenfold with speed.
-
-    Parameters
-    ----------
-    wheel : Wheel
-        The wheel.
-    mass : float
-        Mass that it propels, kg, above 0.
-    rim_speed : float
-        r*omega, m/s, above 0.
-    slip_stiffness : float
-        C = dF/di, N, at least 0.
-    slip : float
-        Slip at the operating point when driving, at least 0 and below 1.
-
-    Returns
-    -------
-    a, b : float
-        1/s and 1/(N*m*s): ``i' = a*i + b*T`` for changes from the operating point.
-
-    Raises
-    ------
-    ValueError
-        Naming the argument that is out of range.
-    """
-    for name, value, allowed in (
-        ('mass', mass, mass > 0),
-        ('rim_speed', rim_speed, rim_speed > 0),
-        ('slip_stiffness', slip_stiffness, slip_stiffness >= 0),
-        ('slip', slip, 0 <= slip < 1),
-    ):
-        if not (math.isfinite(value) and allowed):
-            raise ValueError(f'{name} is out of range: {value}')
-    r = wheel.radius
-    a = -slip_stiffness * (1 / mass + (1 - slip) * r * r / wheel.inertia) / rim_speed
-    b = (1 - slip) * r / (wheel.inertia * rim_speed)
-    return a, b
-
-
-def sampled(
-    a: NDArray[np.float64], b: NDArray[np.float64], dt: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Sample a linear model exactly, its input held over the period.
-
-    Parameters
-    ----------
-    a : ndarray, shape (n, n)
-        State matrix, 1/s.
-    b : ndarray, shape (n, m)
-        Input matrix, state units per input unit and second.
-    dt : float
-        Sampling period, s, above 0.
-
-    Returns
-    -------
-    a_d : ndarray, shape (n, n)
-        State matrix of the sampled model, dimensionless up to state units.
-    b_d : ndarray, shape (n, m)
-        Input matrix of the sampled model, state units per input unit.
-    """
-    # Costly to import, and of no use to those who only simulate.
-    from scipy.linalg import expm
-
-    n, m = b.shape
-    block = np.zeros((n + m, n + m))
-    block[:n, :n] = a
-    block[:n, n:] = b
-    transition = expm(block * dt)
-    return transition[:n, :n], transition[:n, n:]

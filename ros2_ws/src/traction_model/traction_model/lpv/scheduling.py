@@ -13,8 +13,8 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Parameter:
-    """One scheduling parameter: its unit and range.
+class SchedulingParameter:
+    """One scheduling parameter of an LPV model: its unit and range.
 
     Attributes
     ----------

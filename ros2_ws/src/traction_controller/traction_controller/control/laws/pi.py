@@ -6,7 +6,7 @@ In velocity form, with the proportional part on slip alone, so that a new target
 
 The gains are those of the SIMC rules (S. Skogestad, "Simple analytic rules for model reduction
 and PID controller tuning", Journal of Process Control 13, 2003, 291-309) for the slip under
-torque of `traction_model.lpv.model.slip_dynamics`, a lag of rate -a, behind the lag of the drive
+torque of `traction_model.lpv.slip_dynamics`, a lag of rate -a, behind the lag of the drive
 and a delay: with the half rule the model becomes one lag and a delay theta,
 
     k_p = tau/(K*(tau_c + theta)),   k_i = k_p/min(tau, 4*(tau_c + theta))
@@ -17,7 +17,7 @@ with K the gain, tau the lag of the model and tau_c the response time wanted.
 import math
 
 from traction_controller.control.laws.law import Reading
-from traction_model.lpv.model import slip_dynamics
+from traction_model.lpv.slip_dynamics import slip_dynamics
 from traction_model.vehicle.vehicle import GRAVITY
 from traction_model.vehicle.wheel import Wheel
 
