@@ -8,6 +8,8 @@ from traction_bringup.system import system
 from traction_evaluation.faults.bench import BusBench, FaultBench, recorded
 from traction_evaluation.faults.table import BUS_ROWS, ROWS
 
+pytestmark = pytest.mark.process
+
 HEARING = 0.2
 """What another process may be late in hearing of a torque on a machine that runs others too, s.
 

@@ -15,6 +15,7 @@ setup(
         ('share/' + package_name + '/config', sorted(glob('config/*.yaml'))),
     ],
     install_requires=[],
+    extras_require={'test': ['hypothesis', 'pytest']},
     zip_safe=False,
     maintainer='Traction-control suite maintainers',
     maintainer_email='maintainers@traction-control-suite.org',

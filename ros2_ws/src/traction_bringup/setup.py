@@ -26,6 +26,7 @@ setup(
         'traction_model',
         'typer',
     ],
+    extras_require={'test': ['pytest']},
     zip_safe=False,
     maintainer='Traction-control suite maintainers',
     maintainer_email='maintainers@traction-control-suite.org',

@@ -19,7 +19,7 @@ setup(
         ('share/' + package_name + '/config/gains', sorted(glob('config/gains/*.yaml'))),
     ],
     install_requires=['numpy', 'pydantic>=2', 'pyyaml', 'scipy', 'traction_model'],
-    extras_require={'synthesis': ['clarabel', 'cvxpy']},
+    extras_require={'test': ['hypothesis', 'pytest'], 'synthesis': ['clarabel', 'cvxpy']},
     zip_safe=False,
     maintainer='Traction-control suite maintainers',
     maintainer_email='maintainers@traction-control-suite.org',

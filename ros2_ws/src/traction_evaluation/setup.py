@@ -28,7 +28,7 @@ setup(
         'traction_node',
         'tractor_io',
     ],
-    extras_require={'cluster': ['dask', 'distributed']},
+    extras_require={'test': ['hypothesis', 'pytest'], 'cluster': ['dask', 'distributed']},
     zip_safe=False,
     maintainer='Traction-control suite maintainers',
     maintainer_email='maintainers@traction-control-suite.org',

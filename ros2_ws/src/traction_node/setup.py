@@ -13,6 +13,7 @@ setup(
         ('share/' + package_name + '/config', ['config/loopback.xml']),
     ],
     install_requires=['pyyaml'],
+    extras_require={'test': ['hypothesis', 'pytest']},
     zip_safe=False,
     maintainer='Traction-control suite maintainers',
     maintainer_email='maintainers@traction-control-suite.org',
@@ -21,4 +22,5 @@ setup(
         'reports its health and ends.'
     ),
     license='Apache-2.0',
+    entry_points={'pytest11': ['traction_node = traction_node.pytest_plugin']},
 )

@@ -29,6 +29,7 @@ setup(
         'rosbags',
         'zstandard',
     ],
+    extras_require={'test': ['hypothesis', 'pytest']},
     zip_safe=False,
     maintainer='Traction-control suite maintainers',
     maintainer_email='maintainers@traction-control-suite.org',

@@ -15,8 +15,9 @@ from traction_evaluation.drives.figures import DriveFigures, judge, latency
 from traction_evaluation.drives.picture import draw
 from traction_evaluation.drives.recording import Recording, read_recording
 from traction_node.parameter_file import config, read_parameters
-from traction_node.running_system import RunningSystem, keep_local
+from traction_node.running_system import RunningSystem
 from traction_node.stamp import seconds
+from traction_node.transport import keep_local
 from tractor_io.can.interface import free_port
 
 SETTLE = 2.0

@@ -186,17 +186,43 @@ def test_as_fast_as_possible_with_clock(probe):
         walls.append(probe.node.get_clock().now().nanoseconds * 1e-9)
 
     probe.node.create_subscription(Clock, '/clock', on_clock, 10)
-    wheels = probe.subscribe('wheel_states')
-    with plant(real_time_factor=0.0, duration=30.0, wait_for_torque=0.0) as node:
-        probe.wait_for(lambda: not node.running, 20.0, 'end of 30 simulated seconds')
+    received = {name: probe.subscribe(name) for name in RATES}
+    with plant(
+        real_time_factor=0.0, duration=30.0, wait_for_torque=0.0, wait_for_subscribers=60.0
+    ) as node:
         # It ends by itself, having simulated all of them.
+        probe.wait_for(lambda: not node.running, 90.0, 'end of 30 simulated seconds')
         assert node.wait() == 0
-    assert clocks[-1] == pytest.approx(30.0, abs=0.3)
+        assert node.output == ''
+    assert clocks[-1] == pytest.approx(30.0)
     assert clocks == sorted(clocks)
     ratio = (clocks[-1] - clocks[0]) / (walls[-1] - walls[0])
     assert ratio > 5.0
     # Stamps are simulated time.
-    assert seconds(wheels[-1].header.stamp) == pytest.approx(30.0, abs=0.3)
+    assert seconds(received['ground_truth/odometry'][-1].header.stamp) == pytest.approx(30.0)
+
+
+def test_as_fast_as_possible_loses_nothing_before_late_subscribers(probe):
+    params = {'real_time_factor': 0.0, 'wait_for_torque': 0.0, 'wait_for_subscribers': 60.0}
+    with plant(**params, radar_min_speed=0.0):
+        probe.wait_for_diagnostic('plant_node', 'waiting for subscribers')
+        # One after the other: it waits for the last.
+        received = {}
+        for name in RATES:
+            received[name] = probe.subscribe(name)
+            probe.run_for(0.3)
+            assert not any(received.values()) or name == list(RATES)[-1]
+        probe.wait_for(lambda: all(received.values()), 15.0, 'message on every topic')
+    for name, messages in received.items():
+        assert seconds(messages[0].header.stamp) == 0.0, name
+
+
+def test_as_fast_as_possible_goes_on_without_subscribers_and_says_so():
+    params = {'real_time_factor': 0.0, 'duration': 1.0, 'wait_for_torque': 0.0}
+    with plant(**params, wait_for_subscribers=1.0) as node:
+        assert node.wait(30.0) == 0
+        (line,) = node.output.splitlines()
+    assert line.endswith(f'simulating without subscriber to {", ".join(RATES)}')
 
 
 def test_as_fast_as_possible_waits_for_the_answer(probe):

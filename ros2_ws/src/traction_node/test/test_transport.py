@@ -1,5 +1,8 @@
-"""Transports by environment variable."""
+"""Transports and domains by environment variable."""
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 from traction_node.transport import use_udp
@@ -28,3 +31,28 @@ def test_this_machine_only_goes_by_a_profile_unless_the_user_has_one():
     environment = dict(mine)
     use_udp(environment)
     assert environment == {**mine, 'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}
+
+
+def test_processes_that_run_at_once_get_a_domain_each_and_none_that_of_the_environment():
+    program = (
+        'import os, sys; from traction_node.transport import keep_local; keep_local(); '
+        'print(os.environ["ROS_DOMAIN_ID"], os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"], '
+        'flush=True); sys.stdin.read()'
+    )
+    running = [
+        subprocess.Popen(
+            [sys.executable, '-c', program],
+            env={**os.environ, 'ROS_DOMAIN_ID': '7'},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        for _ in range(5)
+    ]
+    said = [process.stdout.readline().split() for process in running]
+    for process in running:
+        process.communicate(timeout=30.0)
+    assert {reach for _, reach in said} == {'LOCALHOST'}
+    domains = {int(domain) for domain, _ in said}
+    assert len(domains) == len(running)
+    assert domains <= set(range(1, 101)) - {7}

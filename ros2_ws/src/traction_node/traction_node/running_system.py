@@ -1,8 +1,6 @@
 """Runs the system as processes, for those without `ros2 launch`."""
 
 import contextlib
-import os
-import random
 from collections.abc import Callable, Sequence
 
 from traction_node import diagnostic
@@ -15,18 +13,6 @@ START_TIMEOUT = 60.0
 
 class NodeEndedError(RuntimeError):
     """A node of the system ended by itself; the text says which and what it printed."""
-
-
-def keep_local() -> None:
-    """Give this process and its children a ROS domain of their own on this machine only.
-
-    Not that of the environment: a tractor may be listening there.
-    """
-    taken = os.environ.get('ROS_DOMAIN_ID', '0')
-    # Domains 1..101 are those whose ports Linux gives to no other programme.
-    free = [str(domain) for domain in range(1, 102) if str(domain) != taken]
-    os.environ['ROS_DOMAIN_ID'] = random.SystemRandom().choice(free)
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 
 
 class RunningSystem:

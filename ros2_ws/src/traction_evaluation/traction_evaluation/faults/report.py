@@ -19,7 +19,7 @@ from traction_evaluation.faults.bench import (
     recorded,
 )
 from traction_evaluation.faults.table import BUS_ROWS, ROWS
-from traction_node.running_system import keep_local
+from traction_node.transport import keep_local
 
 HEAD = ('hazard', 'noticed by', 'safe is', 'limit', 'safe after', 'told after', 'drives after')
 

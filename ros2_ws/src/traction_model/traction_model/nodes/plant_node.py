@@ -18,7 +18,11 @@ from traction_node.host import RosHost
 from traction_node.joints import JointOrder
 from traction_node.parameter import NodeParameter
 from traction_node.stamp import seconds, to_stamp
+from traction_node.subscribers import SubscriberWait
 from traction_node.topics import message_class
+
+DELIVERY_TIME = 2.0
+"""Longest wait at the end for subscribers to get the last messages, s."""
 
 
 class PlantBehaviour(Behaviour):
@@ -161,6 +165,18 @@ class PlantBehaviour(Behaviour):
             read_only=True,
         ),
         NodeParameter(
+            'wait_for_subscribers',
+            default=5.0,
+            description=(
+                'as fast as possible: longest real time to wait until every topic but /clock '
+                'has a subscriber; 0 begins at once'
+            ),
+            unit='s',
+            minimum=0.0,
+            maximum=600.0,
+            read_only=True,
+        ),
+        NodeParameter(
             'wait_for_torque',
             default=5.0,
             description=(
@@ -284,7 +300,7 @@ class PlantBehaviour(Behaviour):
         self._came_due: Counter[str] = Counter()
         self._torque = [0.0] * len(names)
         self._torque_steady = -math.inf
-        self._answered = False
+        self._answered = True  # nothing is published that could be answered
         self._refused = ''
         self._over = False
 
@@ -320,19 +336,31 @@ class PlantBehaviour(Behaviour):
         odometry.header.frame_id = 'odom'
         odometry.child_frame_id = 'base_link'
 
+        self._publishers = list(self._outputs.values())
         self._simulated_clock = p.real_time_factor != 1.0
         if self._simulated_clock:
             clock = message_class('rosgraph_msgs/msg/Clock')
             self._clock_message = clock()
             self._clock_publisher = self.host.node.create_publisher(clock, '/clock', 1)
+            self._publishers.append(self._clock_publisher)
             self._epoch = 0.0
         else:
             self._epoch = self.host.now() * 1e-9
         self.host.subscription('wheel_torque', self._on_torque)
-        self._began = self.host.steady_time()
-        self._publish()
+        self._wait = None
+        if p.real_time_factor == 0.0:
+            self._wait = SubscriberWait(self._outputs, p.wait_for_subscribers)
+            self.host.set_diagnostic(diagnostic.WARN, 'waiting for subscribers')
+        else:
+            self._begin()
         period = self._dt / p.real_time_factor if p.real_time_factor else 1e-3
         self.host.steady_timer(period, self._tick)
+
+    def _begin(self):
+        """Publish the state at time 0, from which on it simulates."""
+        p = self.host.p
+        self._began = self.host.steady_time()
+        self._publish()
         self.host.set_diagnostic(diagnostic.OK, 'simulating', vehicle=p.vehicle, soil=p.soils[0])
 
     def _on_torque(self, message: Any) -> None:
@@ -360,6 +388,15 @@ class PlantBehaviour(Behaviour):
                     break
                 self._step()
             return
+        if self._wait is not None:
+            if self._wait.over(self.host.steady_time()):
+                if self._wait.missing:
+                    self.host.get_logger().info(
+                        f'simulating without subscriber to {", ".join(self._wait.missing)}'
+                    )
+                self._wait = None
+                self._begin()
+            return
         waited = self.host.steady_time() - self._stepped
         if self.host.publisher_count('wheel_torque'):
             # The step itself is made by the answer; without one, nothing drives any more.
@@ -381,6 +418,7 @@ class PlantBehaviour(Behaviour):
         self._publish()
         if self.host.p.duration and self._plant.t >= self.host.p.duration - 1e-9:
             self._over = True
+            self.host.await_delivery(self._publishers, DELIVERY_TIME)
             self.host.finish()
 
     def _send(self, name: str, message: Any) -> None:

@@ -3,8 +3,6 @@
 import threading
 import time
 
-from rclpy.duration import Duration
-from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
@@ -12,6 +10,7 @@ from traction_node.diagnostic import OK, WARN
 from traction_node.node import TractionNode
 from traction_node.parameter import NodeParameter
 from traction_node.run import run
+from traction_node.subscribers import SubscriberWait, wait_for_delivery
 from traction_node.topics import message_class, topics
 from tractor_io.bags.bag_error import BagError
 from tractor_io.bags.reader import BagReader
@@ -33,8 +32,11 @@ DEPTH = 1000
 CLOCK_STEP = 10_000_000
 """Bag time between two messages on /clock, ns."""
 
-ACKNOWLEDGE_TIME = 2.0
+DELIVERY_TIME = 2.0
 """Longest wait at the end for subscribers to get the last messages, s."""
+
+POLL_TIME = 0.01
+"""Time between two looks for subscribers, s."""
 
 LAG = 0.1
 """Being later than this is reported, s."""
@@ -114,7 +116,6 @@ class BagPlayerNode(TractionNode):
         if self.p.loop and self.p.start_offset == self._bag.duration:
             raise ValueError(f'{self.p.bag}: nothing to loop from {self.p.start_offset} s on')
         self._stopping = threading.Event()
-        self._matched = threading.Event()
         self._played = 0
         self._position = self.p.start_offset
         self._lag = 0.0
@@ -134,7 +135,6 @@ class BagPlayerNode(TractionNode):
         self._clock_publisher = None
         if self.p.clock:
             self._clock_publisher = self.create_publisher(Clock, '/clock', 10)
-        self._check_matched()
         self.steady_timer(1.0, self._tell)
         self._thread = threading.Thread(target=self._play, name='player')
         self._thread.start()
@@ -142,7 +142,6 @@ class BagPlayerNode(TractionNode):
     def stop(self):
         """End playing and close the bag."""
         self._stopping.set()
-        self._matched.set()
         self._thread.join()
         self._bag.close()
 
@@ -161,28 +160,20 @@ class BagPlayerNode(TractionNode):
         if topic.qos.latched:
             qos.durability = DurabilityPolicy.TRANSIENT_LOCAL
             qos.depth = topic.qos.depth
-        return self.create_publisher(
-            kind,
-            name if name in ABSOLUTE else name.lstrip('/'),
-            qos,
-            event_callbacks=PublisherEventCallbacks(matched=self._check_matched),
-        )
-
-    def _check_matched(self, _=None):
-        if all(p.get_subscription_count() for p in self._outputs.values()):
-            self._matched.set()
+        return self.create_publisher(kind, name if name in ABSOLUTE else name.lstrip('/'), qos)
 
     def _play(self):
         reason = ''
         try:
-            if not self._matched.wait(self.p.wait_for_subscribers):
-                deaf = [n for n, p in self._outputs.items() if not p.get_subscription_count()]
-                self.get_logger().info(f'playing without subscriber to {", ".join(deaf)}')
+            wait = SubscriberWait(self._outputs, self.p.wait_for_subscribers)
+            while not (wait.over(time.monotonic()) or self._stopping.wait(POLL_TIME)):
+                pass
+            if wait.missing and not self._stopping.is_set():
+                self.get_logger().info(f'playing without subscriber to {", ".join(wait.missing)}')
             while self._play_once() and self.p.loop:
                 pass
             if not self._stopping.is_set():
-                for publisher in self._outputs.values():
-                    publisher.wait_for_all_acked(Duration(seconds=ACKNOWLEDGE_TIME))
+                wait_for_delivery(self._outputs.values(), DELIVERY_TIME)
         except BagError as error:
             reason = str(error)
         self.finish(reason)

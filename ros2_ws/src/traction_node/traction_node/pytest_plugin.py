@@ -1,0 +1,35 @@
+"""Pytest plugin: a ROS domain of its own for every test run, and a mark for tests of processes.
+
+Pytest loads it wherever this package is installed, so that a package's tests run from its own folder,
+under `colcon test` and from the root of the repository alike. A domain that the user has chosen by
+`ROS_DOMAIN_ID` stays; `-p no:traction_node` does without all of it.
+"""
+
+import os
+
+import pytest
+
+from traction_node.transport import keep_local, use_udp
+
+STARTERS = {'NodeProcess', 'Probe', 'RunningSystem'}
+"""Names that start nodes; a test module that has one of them is one of real processes."""
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Keep messages on this machine, and declare the mark."""
+    # The workers of pytest-xdist inherit the domain of the run that started them.
+    if 'ROS_DOMAIN_ID' not in os.environ:
+        keep_local()
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    use_udp()
+    config.addinivalue_line(
+        'markers', 'process: with real processes, which keep times and take the machine'
+    )
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests of modules that start nodes."""
+    for item in items:
+        if isinstance(item, pytest.Function) and STARTERS & vars(item.module).keys():
+            item.add_marker('process')
