@@ -14,7 +14,11 @@ setup(
     ],
     install_requires=['numba', 'numpy', 'pydantic>=2', 'pyyaml', 'scipy'],
     # LpvModel.to_control; simulate_batch(device='gpu').
-    extras_require={'test': ['hypothesis', 'pytest'], 'control': ['control'], 'gpu': ['numba-cuda[cu12]']},
+    extras_require={
+        'test': ['hypothesis', 'psutil', 'pytest'],
+        'control': ['control'],
+        'gpu': ['numba-cuda[cu12]'],
+    },
     zip_safe=False,
     maintainer='Traction-control suite maintainers',
     maintainer_email='maintainers@traction-control-suite.org',

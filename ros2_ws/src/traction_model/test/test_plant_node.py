@@ -1,8 +1,10 @@
 """The plant node as a process: topics, clock, torque in, bad input, end."""
 
+import contextlib
 import math
 
 import numpy as np
+import psutil
 import pytest
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -179,11 +181,14 @@ def test_interrupt_ends_it_with_status_0(probe):
 
 
 def test_as_fast_as_possible_with_clock(probe):
-    clocks, walls = [], []
+    clocks, spent = [], []
 
     def on_clock(message):
         clocks.append(seconds(message.clock))
-        walls.append(probe.node.get_clock().now().nanoseconds * 1e-9)
+        # None once the process has ended: the last messages are then still on their way.
+        with contextlib.suppress(psutil.NoSuchProcess):
+            times = psutil.Process(node.pid).cpu_times()
+            spent.append((clocks[-1], times.user + times.system))
 
     probe.node.create_subscription(Clock, '/clock', on_clock, 10)
     received = {name: probe.subscribe(name) for name in RATES}
@@ -196,8 +201,10 @@ def test_as_fast_as_possible_with_clock(probe):
         assert node.output == ''
     assert clocks[-1] == pytest.approx(30.0)
     assert clocks == sorted(clocks)
-    ratio = (clocks[-1] - clocks[0]) / (walls[-1] - walls[0])
-    assert ratio > 5.0
+    # In the plant's processor time, as other programs may take the processor.
+    (first, first_spent), (last, last_spent) = spent[0], spent[-1]
+    assert last - first > 20.0
+    assert (last - first) / (last_spent - first_spent) > 5.0
     # Stamps are simulated time.
     assert seconds(received['ground_truth/odometry'][-1].header.stamp) == pytest.approx(30.0)
 

@@ -1,8 +1,8 @@
 """Pytest plugin: a ROS domain of its own for every test run, and a mark for tests of processes.
 
-Pytest loads it wherever this package is installed, so that a package's tests run from its own folder,
-under `colcon test` and from the root of the repository alike. A domain that the user has chosen by
-`ROS_DOMAIN_ID` stays; `-p no:traction_node` does without all of it.
+Pytest loads it wherever this package is installed, so that the tests of a package run alike from
+its own folder, under `colcon test` and from the root of the repository. A domain that the user
+has chosen by `ROS_DOMAIN_ID` stays; `-p no:traction_node` does without all of it.
 """
 
 import os

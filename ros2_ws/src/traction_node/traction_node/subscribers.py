@@ -1,10 +1,10 @@
-"""Subscribers of what a node publishes: wait until they are matched, and until they have it all."""
+"""Subscribers of a node: wait until they are matched, and until they have all messages."""
 
 import time
 from collections.abc import Iterable, Mapping
-from typing import Protocol
+from typing import Any, Protocol
 
-from rclpy.duration import Duration
+from traction_node.host import Publisher
 
 SETTLE_TIME = 0.2
 """Time from the match known here to the one known to the subscriber, s.
@@ -12,13 +12,10 @@ SETTLE_TIME = 0.2
 Until then best-effort messages are lost. Nothing tells when it is over."""
 
 
-class Publisher(Protocol):
-    """A publisher of rclpy, as far as it is needed here."""
+class AcknowledgedPublisher(Protocol):
+    """Publisher of rclpy, as far as it is needed here."""
 
-    def get_subscription_count(self) -> int:
-        """Number of matched subscriptions."""
-
-    def wait_for_all_acked(self, timeout: Duration) -> bool:
+    def wait_for_all_acked(self, timeout: Any) -> bool:
         """Block until reliable subscriptions have acknowledged all; False at the time-out."""
 
 
@@ -74,7 +71,7 @@ class SubscriberWait:
         return now - self._matched >= SETTLE_TIME
 
 
-def wait_for_delivery(publishers: Iterable[Publisher], timeout: float) -> bool:
+def wait_for_delivery(publishers: Iterable[AcknowledgedPublisher], timeout: float) -> bool:
     """Block until reliable subscribers have all that was published, before a node ends.
 
     What they lack goes with the publisher otherwise. Best-effort subscribers are not waited for.
@@ -90,6 +87,9 @@ def wait_for_delivery(publishers: Iterable[Publisher], timeout: float) -> bool:
     bool
         True if they have it; False at the time-out.
     """
+    # Here, as behaviours import this module and do without rclpy.
+    from rclpy.duration import Duration
+
     end = time.monotonic() + timeout
     return all(
         publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - time.monotonic())))

@@ -27,8 +27,8 @@ _taken = contextlib.ExitStack()
 def keep_local() -> None:
     """Give this process and its children a ROS domain of their own, on this machine only.
 
-    Not that of the environment: a tractor may be listening there. No two processes that ask here, or
-    through ROS's own `domain_coordinator`, get the same.
+    Not that of the environment: a tractor may be listening there. No two processes that ask here,
+    or through ROS's own `domain_coordinator`, get the same.
 
     Raises
     ------
