@@ -267,25 +267,29 @@ def test_several_times_real_time(probe):
 
 
 def test_same_seed_same_radar(probe):
+    received = {name: probe.subscribe(name) for name in RATES}
+
     def run(seed):
-        readings = probe.subscribe('radar')
+        received['radar'].clear()
         with plant(
-            # 2 s of wall time: enough for subscriber and plant to find each other.
-            real_time_factor=20.0,
-            duration=40.0,
+            real_time_factor=0.0,
+            duration=10.0,
+            wait_for_torque=0.0,
+            wait_for_subscribers=60.0,
             radar_min_speed=0.0,
             radar_rate=10.0,
             seed=seed,
         ) as node:
-            probe.wait_for(lambda: not node.running, 15.0, 'end')
+            probe.wait_for(lambda: not node.running, 90.0, 'end')
         return {
             round(seconds(message.header.stamp), 3): message.twist.twist.linear.x
-            for message in readings
+            for message in received['radar']
         }
 
     first, second, other = run(3), run(3), run(4)
+    # Of 101 readings; best effort may lose some.
     common = first.keys() & second.keys()
-    assert len(common) >= 5
+    assert len(common) >= 50
     assert all(first[stamp] == second[stamp] for stamp in common)
     assert all(first[stamp] != other[stamp] for stamp in first.keys() & other.keys())
 

@@ -1,10 +1,8 @@
-"""The waits for subscribers, on a clock and with publishers made up here."""
+"""The wait for subscribers, on a clock and with publishers made up here."""
 
 from types import SimpleNamespace
 
-import pytest
-
-from traction_node.subscribers import SETTLE_TIME, SubscriberWait, wait_for_delivery
+from traction_node.subscribers import SETTLE_TIME, SubscriberWait
 
 
 def publisher(count=0):
@@ -68,20 +66,3 @@ def test_it_counts_subscribers_where_more_than_one_is_needed():
     assert wait.missing == ['torque_request']
     request.count = 2
     assert wait.missing == []
-
-
-def test_delivery_is_waited_for_within_one_time_for_all():
-    asked = []
-
-    def acknowledging(answer):
-        def wait(timeout):
-            asked.append(timeout.nanoseconds * 1e-9)
-            return answer
-
-        return SimpleNamespace(wait_for_all_acked=wait)
-
-    assert wait_for_delivery([acknowledging(True), acknowledging(True)], 2.0)
-    assert asked[0] == pytest.approx(2.0, abs=0.5)
-    assert asked[1] <= asked[0]
-    assert not wait_for_delivery([acknowledging(False)], 0.0)
-    assert asked[2] == 0.0

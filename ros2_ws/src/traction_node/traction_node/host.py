@@ -4,7 +4,7 @@
 middleware.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from types import SimpleNamespace
 from typing import Any, Protocol
 
@@ -161,3 +161,21 @@ class RosHost(Host, Protocol):
     @property
     def node(self) -> Any:
         """The rclpy node."""
+
+    def await_delivery(self, publishers: Iterable[Publisher], timeout: float) -> bool:
+        """Block until reliable subscribers have all that was published, before a node ends.
+
+        What they lack is lost with the publisher. Best-effort subscribers are not waited for.
+
+        Parameters
+        ----------
+        publishers : iterable of Publisher
+            Publishers of this node.
+        timeout : float
+            Longest wait for all of them together, s, 0 or more.
+
+        Returns
+        -------
+        bool
+            True if they have all; False at the time-out.
+        """

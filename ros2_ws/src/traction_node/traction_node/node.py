@@ -17,6 +17,7 @@ from rcl_interfaces.msg import (
 from rclpy import parameter as rclpy_parameter
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
+from rclpy.duration import Duration
 from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.executors import Executor
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
@@ -215,6 +216,14 @@ class _HostNode:
     def steady_time(self):
         """Time of the steady clock, s."""
         return time.monotonic()
+
+    def await_delivery(self, publishers, timeout):
+        """Block until reliable subscribers have all that was published; False at the time-out."""
+        end = self.steady_time() + timeout
+        return all(
+            publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - self.steady_time())))
+            for publisher in publishers
+        )
 
     def now(self):
         """ROS time, ns."""

@@ -1,8 +1,6 @@
-"""Subscribers of a node: wait until they are matched, and until they have all messages."""
+"""Wait of a node that publishes until its subscribers are matched."""
 
-import time
-from collections.abc import Iterable, Mapping
-from typing import Any, Protocol
+from collections.abc import Mapping
 
 from traction_node.host import Publisher
 
@@ -10,13 +8,6 @@ SETTLE_TIME = 0.2
 """Time from the match known here to the one known to the subscriber, s.
 
 Until then best-effort messages are lost. Nothing tells when it is over."""
-
-
-class AcknowledgedPublisher(Protocol):
-    """Publisher of rclpy, as far as it is needed here."""
-
-    def wait_for_all_acked(self, timeout: Any) -> bool:
-        """Block until reliable subscriptions have acknowledged all; False at the time-out."""
 
 
 class SubscriberWait:
@@ -69,29 +60,3 @@ class SubscriberWait:
         if self._matched is None:
             self._matched = now
         return now - self._matched >= SETTLE_TIME
-
-
-def wait_for_delivery(publishers: Iterable[AcknowledgedPublisher], timeout: float) -> bool:
-    """Block until reliable subscribers have all that was published, before a node ends.
-
-    What they lack goes with the publisher otherwise. Best-effort subscribers are not waited for.
-
-    Parameters
-    ----------
-    publishers : iterable of publisher
-    timeout : float
-        Longest wait for all of them together, s, 0 or more.
-
-    Returns
-    -------
-    bool
-        True if they have it; False at the time-out.
-    """
-    # Here, as behaviours import this module and do without rclpy.
-    from rclpy.duration import Duration
-
-    end = time.monotonic() + timeout
-    return all(
-        publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - time.monotonic())))
-        for publisher in publishers
-    )

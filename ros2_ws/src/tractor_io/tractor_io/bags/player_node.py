@@ -10,7 +10,7 @@ from traction_node.diagnostic import OK, WARN
 from traction_node.node import TractionNode
 from traction_node.parameter import NodeParameter
 from traction_node.run import run
-from traction_node.subscribers import SubscriberWait, wait_for_delivery
+from traction_node.subscribers import SubscriberWait
 from traction_node.topics import message_class, topics
 from tractor_io.bags.bag_error import BagError
 from tractor_io.bags.reader import BagReader
@@ -173,7 +173,7 @@ class BagPlayerNode(TractionNode):
             while self._play_once() and self.p.loop:
                 pass
             if not self._stopping.is_set():
-                wait_for_delivery(self._outputs.values(), DELIVERY_TIME)
+                self.await_delivery(self._outputs.values(), DELIVERY_TIME)
         except BagError as error:
             reason = str(error)
         self.finish(reason)
