@@ -1,23 +1,11 @@
-"""Chrono's recordings, and wheels on a linear model, for all tests of the package."""
-
-from functools import cache
-from pathlib import Path
+"""Wheels on a linear model, for all tests of the package."""
 
 import numpy as np
 import pytest
 
-from traction_evaluation.verification.chrono import CHRONO_RUNS, read_chrono
 from traction_model.lpv.sampling import sampled
 from traction_model.lpv.slip_dynamics import slip_dynamics
 from traction_model.vehicle.vehicle import GRAVITY, load_vehicle
-
-BAGS = Path(__file__).resolve().parents[4] / 'bags'
-
-
-@pytest.fixture(scope='session')
-def chrono():
-    """Chrono's recording of a run: `chrono('wheel_drawbar').v`, 200 Hz, SI units."""
-    return cache(lambda name: read_chrono(BAGS / name / f'{name}.csv.xz', CHRONO_RUNS[name]))
 
 
 class LinearWheels:

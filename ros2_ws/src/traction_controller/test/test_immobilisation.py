@@ -12,7 +12,6 @@ from traction_controller.estimation.immobilisation import (
     WarningLimits,
 )
 from traction_controller.estimation.slip_filter import SlipFilter
-from traction_evaluation.verification.chrono import CHRONO_RUNS
 from traction_model.simulation.drawbar import Drawbar
 from traction_model.simulation.plant import Plant
 from traction_model.simulation.sensors import Radar, RadarModel
@@ -109,25 +108,6 @@ def test_no_warning_where_the_soft_patch_is_passed():
     rows, stood = drive_into_soft_patch((1500, 1500, 5200, 5200), 5500.0, 12.0, True)
     assert math.isinf(stood)
     assert {level for _, _, level, _, _ in rows} == {Level.NONE}
-
-
-@pytest.mark.parametrize('estimated', [False, True], ids=['true-speed', 'estimated-speed'])
-@pytest.mark.parametrize('name', sorted(CHRONO_RUNS))
-def test_silent_on_recorded_runs(name, estimated, chrono):
-    """None of Chrono's runs gets stuck, from standstill through soft patches to 56 m/s."""
-    recording = chrono(name)
-    warning = watch(recording.vehicle)
-    estimation = SlipFilter(recording.vehicle, load_soil(CHRONO_RUNS[name].soils[0]))
-    random = np.random.default_rng(sorted(CHRONO_RUNS).index(name))
-    for k in range(0, len(recording.t), 2):
-        t, omega, torque = recording.t[k], recording.omega[k], recording.torque[k]
-        v, sinkage = recording.v[k], recording.sinkage[k]
-        if estimated:
-            estimation.wheel_states(t, omega, torque)
-            if k % 20 == 0:
-                estimation.radar(t, v + 0.05 * random.standard_normal(), 0.05**2)
-            v, sinkage = estimation.v, math.nan
-        assert warning.step(t, v, omega, torque, sinkage=sinkage) is Level.NONE, t
 
 
 class Wheel:

@@ -35,6 +35,7 @@ from traction_model.contact.contact import MIN_TRANSIT_SPEED
 from traction_model.kernel import kernel
 from traction_model.slip import is_valid
 from traction_model.soil.rut import press_rut
+from traction_model.vehicle.load_transfer import load_moment, wheel_load
 from traction_model.vehicle.vehicle import GRAVITY
 from traction_model.vehicle.wheel import (
     FRICTION,
@@ -52,22 +53,72 @@ Array = NDArray[np.float64]
 SPEED, DRAWBAR, FIRST_WHEEL = range(3)
 PER_WHEEL = 3
 
-# What is kept of each wheel beside the state: wheel speed and its variance (as the tachometer's
-# pulses leave it), smoothed wheel speed and drive torque, moment, load, sinkage, shear
-# displacement left, resistance and its slopes (over v and the three factors) and rest, slopes of
-# moment over v and of sinkage over k, mean surprise, place until which it is held back, and the
-# filter of the counted angle: angle ahead of it and three entries of a covariance.
-(
-    OMEGA, OMEGA_VARIANCE, SMOOTH_OMEGA, SMOOTH_DRIVE, MOMENT, LOAD, SINKAGE, SHEAR, RESISTANCE,
-    BY_SPEED, BY_STRENGTH, BY_SHEAR_MODULUS, BY_SINKAGE_MODULUS, RESISTANCE_REST, MOMENT_SLOPE,
-    SINKAGE_SLOPE, SURPRISE, HELD_UNTIL, AHEAD, ANGLE_VARIANCE, ANGLE_OMEGA, MEMORY,
-) = range(22)  # fmt: skip
+# Of the three: logarithms of the factors on the nominal soil.
+STRENGTH, SHEAR_MODULUS, SINKAGE_MODULUS = range(PER_WHEEL)
 
-# And of the vehicle: time, place along the path, distance since standstill, acceleration of the
-# last step and smoothed, time of the last change of soil, smoothed thrust of all wheels.
-TIME, PLACE, TRAVELLED, ACCELERATION, SMOOTH_ACCELERATION, CHANGED, SMOOTH_THRUST, SCALARS = range(
-    8
+WHEEL_MEMORY = np.dtype(
+    [
+        # Wheel speed as the tachometer's pulses leave it, rad/s, and its variance.
+        ('omega', float),
+        ('omega_variance', float),
+        # Smoothed wheel speed, rad/s, and drive torque, N*m.
+        ('smooth_omega', float),
+        ('smooth_drive', float),
+        # Moment of the soil, N*m; load, N; sinkage, m; shear displacement left in the rut, m.
+        ('moment', float),
+        ('load', float),
+        ('sinkage', float),
+        ('shear', float),
+        # Motion resistance, N; its slopes over v and over the three logarithms; the variance that
+        # a straight line leaves over, N^2.
+        ('resistance', float),
+        ('resistance_by_speed', float),
+        ('resistance_by_strength', float),
+        ('resistance_by_shear_modulus', float),
+        ('resistance_by_sinkage_modulus', float),
+        ('resistance_rest', float),
+        # Slope of moment over v, N*s, and of sinkage over ln(k), m.
+        ('moment_slope', float),
+        ('sinkage_slope', float),
+        # Mean normalised innovation of the moment.
+        ('mean_innovation', float),
+        # Distance since standstill until which its moment is not used, m; -1: never was held.
+        ('held_until', float),
+        # Filter of the counted angle: angle ahead of the count, rad; its variance, rad^2; its
+        # covariance with the wheel speed, rad^2/s.
+        ('angle_ahead', float),
+        ('angle_variance', float),
+        ('angle_omega_covariance', float),
+    ],
+    align=True,
 )
+"""What the filter keeps of each wheel beside its state, SI units."""
+
+VEHICLE_MEMORY = np.dtype(
+    [
+        # Time of the newest reading of the wheels, s; place along the path and distance since
+        # standstill, m.
+        ('time', float),
+        ('place', float),
+        ('travelled', float),
+        # Acceleration of the last step and smoothed, m/s^2.
+        ('acceleration', float),
+        ('smooth_acceleration', float),
+        # Time of the last change of soil, s.
+        ('soil_changed_at', float),
+        # Smoothed gross traction of all wheels, N.
+        ('smooth_traction', float),
+        # Time of the newest measured speed that was believed, s, and mean normalised innovation.
+        ('speed_time', float),
+        ('mean_speed_innovation', float),
+        # Of the newest speed that was not: time, s, speed, m/s, and how many in a row agree.
+        ('refused_time', float),
+        ('refused_speed', float),
+        ('refused_in_a_row', float),
+    ],
+    align=True,
+)
+"""What the filter keeps of the vehicle beside its state, SI units."""
 
 
 class Noise(NamedTuple):
@@ -110,7 +161,7 @@ class Body(NamedTuple):
         Packed wheels, SI units.
     soils : ndarray, shape (n, 17)
         The packed nominal soil as each wheel meets it, SI units.
-    spread : ndarray, shape (n, 2)
+    load_distribution : ndarray, shape (n, 2)
         Load of a wheel, N, per N of total load and per N*m of its moment.
     drift, changed : ndarray, shape (3, 3)
         Covariance of a wheel's three factors: what they gain per second, 1/s, and when the soil
@@ -121,7 +172,7 @@ class Body(NamedTuple):
 
     wheels: Array
     soils: Array
-    spread: Array
+    load_distribution: Array
     drift: Array
     changed: Array
     mass: float
@@ -144,13 +195,13 @@ CHANGE_DOUBT, CHANGE_LENGTH = 3.0, 0.4
 OFF_NOMINAL = 1.0
 # A second change within so many radii belongs to the first: what was learnt is kept.
 AGAIN = 5.0
-# Mean surprise of a wheel: weight of the newest, the moment's and slip's own deviations
-# (errors last for several readings: these are those of one reading), how much of it shows that
-# the soil has changed, and from which on the wheel is trusted less.
-SURPRISE_SHARE = 0.2
-SURPRISE_MOMENT, SURPRISE_SLIP = 0.01, 0.015
-CHANGE_SURPRISE = 2.5
-DOUBT_SURPRISE = 2.5
+# Mean normalised innovation of a wheel: weight of the newest; deviations of moment and slip in it
+# (those of one reading: other errors last for several); how large a mean shows that the soil has
+# changed, and from which on the wheel is trusted less.
+INNOVATION_SHARE = 0.2
+INNOVATION_MOMENT, INNOVATION_SLIP = 0.01, 0.015
+CHANGE_INNOVATION = 2.5
+DOUBT_INNOVATION = 2.5
 # After a change of soil the drawbar is taken to change less for a while: share, and time, s.
 STEADY_DRAWBAR, STEADY_TIME = 0.3, 1.5
 # Of counted pulses: wheel speed, rad/s, below which its random walk is no smaller; how far off the
@@ -189,7 +240,7 @@ def doubt_soil(x, p, wheel, changed, keep):
 
 
 @kernel
-def count_pulses(wheel, reading, dt, noise):
+def count_pulses(kept, reading, dt, noise):
     """Follow the angle behind the pulses that a tachometer counts, in place.
 
     A reading is a difference of counted angles over time, so the counted angle is its sum. The
@@ -197,8 +248,8 @@ def count_pulses(wheel, reading, dt, noise):
 
     Parameters
     ----------
-    wheel : ndarray, shape (22,)
-        What is kept of the wheel, SI units.
+    kept : record
+        One of `WHEEL_MEMORY`, SI units.
     reading : float
         The tachometer's, rad/s.
     dt : float
@@ -206,28 +257,47 @@ def count_pulses(wheel, reading, dt, noise):
     noise : Noise
         SI units.
     """
-    wheel[AHEAD] += (wheel[OMEGA] - reading) * dt
-    wheel[ANGLE_VARIANCE] += dt * (2.0 * wheel[ANGLE_OMEGA] + dt * wheel[OMEGA_VARIANCE])
-    wheel[ANGLE_OMEGA] += dt * wheel[OMEGA_VARIANCE]
-    walk = noise.wheel_acceleration * max(abs(wheel[OMEGA]), MIN_WALKING)
-    wheel[OMEGA_VARIANCE] += walk**2 * dt
-    innovation = noise.pulse / 2.0 - wheel[AHEAD]
+    kept.angle_ahead += (kept.omega - reading) * dt
+    kept.angle_variance += dt * (2.0 * kept.angle_omega_covariance + dt * kept.omega_variance)
+    kept.angle_omega_covariance += dt * kept.omega_variance
+    walk = noise.wheel_acceleration * max(abs(kept.omega), MIN_WALKING)
+    kept.omega_variance += walk**2 * dt
+    innovation = noise.pulse / 2.0 - kept.angle_ahead
     # Unlike other noise a count's is bounded: what is further off has changed its speed.
     excess = abs(innovation) - COUNT_SLACK * noise.pulse / 2.0
     if excess > 0.0:
-        wheel[OMEGA_VARIANCE] += UNEXPECTED_SPEED * (excess / dt) ** 2
+        kept.omega_variance += UNEXPECTED_SPEED * (excess / dt) ** 2
     # Evenly spread over a pulse.
-    total = wheel[ANGLE_VARIANCE] + noise.pulse**2 / 12.0
-    of_angle, of_omega = wheel[ANGLE_VARIANCE] / total, wheel[ANGLE_OMEGA] / total
-    wheel[AHEAD] += of_angle * innovation
-    wheel[OMEGA] += of_omega * innovation
-    wheel[OMEGA_VARIANCE] -= of_omega * wheel[ANGLE_OMEGA]
-    wheel[ANGLE_OMEGA] *= 1.0 - of_angle
-    wheel[ANGLE_VARIANCE] *= 1.0 - of_angle
+    total = kept.angle_variance + noise.pulse**2 / 12.0
+    of_angle, of_omega = kept.angle_variance / total, kept.angle_omega_covariance / total
+    kept.angle_ahead += of_angle * innovation
+    kept.omega += of_omega * innovation
+    kept.omega_variance -= of_omega * kept.angle_omega_covariance
+    kept.angle_omega_covariance *= 1.0 - of_angle
+    kept.angle_variance *= 1.0 - of_angle
 
 
 @kernel
-def begin(t, omega, torque, x, p, memory, scalars, body, noise):
+def forget_curve(kept):
+    """Give up what the contact form said of a wheel: it does not roll, or slips unknown.
+
+    Parameters
+    ----------
+    kept : record
+        One of `WHEEL_MEMORY`, SI units.
+    """
+    kept.resistance = 0.0
+    kept.resistance_by_speed = 0.0
+    kept.resistance_by_strength = 0.0
+    kept.resistance_by_shear_modulus = 0.0
+    kept.resistance_by_sinkage_modulus = 0.0
+    kept.resistance_rest = 0.0
+    kept.moment_slope = 0.0
+    kept.sinkage_slope = 0.0
+
+
+@kernel
+def begin(t, omega, torque, x, p, wheel_memory, vehicle_memory, body, noise):
     """Take in the first reading of the wheels, in place.
 
     Parameters
@@ -238,30 +308,31 @@ def begin(t, omega, torque, x, p, memory, scalars, body, noise):
         Wheel speeds, rad/s, and shaft torques, N*m, forward positive.
     x, p : ndarray
         State and covariance in SI units, see `update_wheels`.
-    memory, scalars : ndarray
-        What is kept beside them, SI units, see `update_wheels`.
+    wheel_memory, vehicle_memory : ndarray
+        What is kept beside them, see `update_wheels`.
     body : Body
         SI units.
     noise : Noise
         SI units.
     """
-    scalars[TIME] = t
+    trip = vehicle_memory[0]
+    trip.time = t
     rims = np.empty(omega.size)
     for j in range(omega.size):
-        wheel, kept = body.wheels[j], memory[j]
+        wheel, kept = body.wheels[j], wheel_memory[j]
         rims[j] = wheel[RADIUS] * omega[j]
-        kept[OMEGA] = omega[j]
-        kept[OMEGA_VARIANCE] = noise.wheel_speed**2
+        kept.omega = omega[j]
+        kept.omega_variance = noise.wheel_speed**2
         if noise.pulse > 0.0:
             # The first reading says within a pulse how far it turned in an unknown time.
-            kept[AHEAD] = noise.pulse / 2.0
-            kept[ANGLE_VARIANCE] = noise.pulse**2 / 12.0
-            kept[OMEGA_VARIANCE] = 1.0 + (0.5 * omega[j]) ** 2
-        kept[SMOOTH_OMEGA] = omega[j]
-        kept[SMOOTH_DRIVE] = torque[j] - wheel[FRICTION] * omega[j]
-        kept[MOMENT] = kept[SMOOTH_DRIVE]
-        kept[LOAD] = wheel[STATIC_LOAD]
-        scalars[SMOOTH_THRUST] += kept[MOMENT] / wheel[RADIUS]
+            kept.angle_ahead = noise.pulse / 2.0
+            kept.angle_variance = noise.pulse**2 / 12.0
+            kept.omega_variance = 1.0 + (0.5 * omega[j]) ** 2
+        kept.smooth_omega = omega[j]
+        kept.smooth_drive = torque[j] - wheel[FRICTION] * omega[j]
+        kept.moment = kept.smooth_drive
+        kept.load = wheel[STATIC_LOAD]
+        trip.smooth_traction += kept.moment / wheel[RADIUS]
     # Rolling, give or take half of it: the wheels may be slipping already.
     rim = float(np.median(rims))
     x[SPEED] = rim
@@ -269,19 +340,19 @@ def begin(t, omega, torque, x, p, memory, scalars, body, noise):
 
 
 @kernel
-def advance(t, omega, torque, x, p, memory, scalars, ruts, body, noise):
+def advance(t, omega, torque, x, p, wheel_memory, vehicle_memory, ruts, body, noise):
     """Carry the estimate on to the next reading of the wheels, in place.
 
     Parameters
     ----------
     t : float
-        Time, s, after that of `scalars`.
+        Time, s, after that of `vehicle_memory`.
     omega, torque : ndarray, shape (n,)
         Wheel speeds, rad/s, and shaft torques, N*m, forward positive.
     x, p : ndarray
         State and covariance in SI units, see `update_wheels`.
-    memory, scalars : ndarray
-        What is kept beside them, SI units, see `update_wheels`.
+    wheel_memory, vehicle_memory : ndarray
+        What is kept beside them, see `update_wheels`.
     ruts : Ruts
         What the wheels have left, extended.
     body : Body
@@ -291,7 +362,8 @@ def advance(t, omega, torque, x, p, memory, scalars, ruts, body, noise):
     """
     n, m = omega.size, x.size
     mass = body.mass
-    dt = t - scalars[TIME]
+    trip = vehicle_memory[0]
+    dt = t - trip.time
     share = 1.0 - math.exp(-dt / FILTER)
     acceleration = -x[DRAWBAR]
     thrust = 0.0
@@ -300,30 +372,32 @@ def advance(t, omega, torque, x, p, memory, scalars, ruts, body, noise):
     rest = 0.0
     weight = mass * GRAVITY
     drawbar = max(-MAX_DRAWBAR * weight, min(MAX_DRAWBAR * weight, x[DRAWBAR]))
-    turn = body.cg_x * weight - body.hitch_height * drawbar
+    wheel_moment = 0.0
     for j in range(n):
-        wheel, kept = body.wheels[j], memory[j]
-        before = kept[OMEGA]
+        wheel, kept = body.wheels[j], wheel_memory[j]
+        before = kept.omega
         if noise.pulse > 0.0:
             count_pulses(kept, omega[j], dt, noise)
         else:
-            kept[OMEGA] = omega[j]
-        drive = torque[j] - wheel[FRICTION] * kept[OMEGA]
+            kept.omega = omega[j]
+        drive = torque[j] - wheel[FRICTION] * kept.omega
         # One and the same filter on torque and on the wheel's acceleration, so that their
         # difference is the filtered moment.
-        spin_up = share / dt * (kept[OMEGA] - kept[SMOOTH_OMEGA])
-        kept[SMOOTH_OMEGA] += share * (kept[OMEGA] - kept[SMOOTH_OMEGA])
-        kept[SMOOTH_DRIVE] += share * (drive - kept[SMOOTH_DRIVE])
-        kept[MOMENT] = kept[SMOOTH_DRIVE] - wheel[INERTIA] * spin_up
+        spin_up = share / dt * (kept.omega - kept.smooth_omega)
+        kept.smooth_omega += share * (kept.omega - kept.smooth_omega)
+        kept.smooth_drive += share * (drive - kept.smooth_drive)
+        kept.moment = kept.smooth_drive - wheel[INERTIA] * spin_up
         # The impulse needs no filter: a tachometer's errors cancel from reading to reading.
-        impulse = (drive - wheel[INERTIA] * (kept[OMEGA] - before) / dt) / wheel[RADIUS]
-        acceleration += impulse - kept[RESISTANCE]
-        thrust += kept[MOMENT] / wheel[RADIUS]
-        slope[SPEED] -= kept[BY_SPEED]
-        for a in range(PER_WHEEL):
-            slope[FIRST_WHEEL + PER_WHEEL * j + a] = -kept[BY_STRENGTH + a]
-        rest += kept[RESISTANCE_REST]
-        turn -= wheel[RADIUS] * kept[RESISTANCE]
+        impulse = (drive - wheel[INERTIA] * (kept.omega - before) / dt) / wheel[RADIUS]
+        acceleration += impulse - kept.resistance
+        thrust += kept.moment / wheel[RADIUS]
+        slope[SPEED] -= kept.resistance_by_speed
+        first = FIRST_WHEEL + PER_WHEEL * j
+        slope[first + STRENGTH] = -kept.resistance_by_strength
+        slope[first + SHEAR_MODULUS] = -kept.resistance_by_shear_modulus
+        slope[first + SINKAGE_MODULUS] = -kept.resistance_by_sinkage_modulus
+        rest += kept.resistance_rest
+        wheel_moment += wheel[RADIUS] * kept.resistance
     acceleration /= mass
     slope /= mass
     v = x[SPEED]
@@ -342,11 +416,11 @@ def advance(t, omega, torque, x, p, memory, scalars, ruts, body, noise):
         p[SPEED, a] = row[a]
         p[a, SPEED] = row[a]
     p[SPEED, SPEED] = corner + noise.speed**2 * dt + rest * (dt / mass) ** 2
-    steady = math.exp(-(t - scalars[CHANGED]) / STEADY_TIME)
+    steady = math.exp(-(t - trip.soil_changed_at) / STEADY_TIME)
     p[DRAWBAR, DRAWBAR] += (noise.drawbar * (1.0 - (1.0 - STEADY_DRAWBAR) * steady)) ** 2 * dt
     share = 1.0 - math.exp(-dt / DRAWBAR_FILTER)
-    change = thrust - scalars[SMOOTH_THRUST]
-    scalars[SMOOTH_THRUST] += share * change
+    change = thrust - trip.smooth_traction
+    trip.smooth_traction += share * change
     p[DRAWBAR, DRAWBAR] += share * (DRAWBAR_SHARE * change) ** 2
     for j in range(n):
         first = FIRST_WHEEL + PER_WHEEL * j
@@ -355,28 +429,31 @@ def advance(t, omega, torque, x, p, memory, scalars, ruts, body, noise):
                 p[first + a, first + b] += body.drift[a, b] * dt
 
     moved = 0.5 * (v + x[SPEED]) * dt
-    place = scalars[PLACE]
-    scalars[PLACE] += moved
-    scalars[TRAVELLED] += abs(moved)
-    scalars[ACCELERATION] = acceleration
+    place = trip.place
+    trip.place += moved
+    trip.travelled += abs(moved)
+    trip.acceleration = acceleration
     share = 1.0 - math.exp(-dt / TRANSFER_FILTER)
-    scalars[SMOOTH_ACCELERATION] += share * (acceleration - scalars[SMOOTH_ACCELERATION])
-    scalars[TIME] = t
-    turn -= body.cg_height * mass * scalars[SMOOTH_ACCELERATION]
+    trip.smooth_acceleration += share * (acceleration - trip.smooth_acceleration)
+    trip.time = t
+    moment = load_moment(
+        weight, body.cg_x, body.cg_height, body.hitch_height, drawbar,
+        mass * trip.smooth_acceleration, wheel_moment,
+    )  # fmt: skip
     for j in range(n):
-        wheel, kept = body.wheels[j], memory[j]
-        load = body.spread[j, 0] * weight + body.spread[j, 1] * turn
-        kept[LOAD] = max(MIN_LOAD * wheel[STATIC_LOAD], load)
-        if kept[SINKAGE] > 0.0:
+        wheel, kept = body.wheels[j], wheel_memory[j]
+        load = wheel_load(body.load_distribution[j], weight, moment)
+        kept.load = max(MIN_LOAD * wheel[STATIC_LOAD], load)
+        if kept.sinkage > 0.0:
             x_from = place + wheel[POSITION]
             press_rut(
-                x_from, x_from + moved, kept[SINKAGE], kept[SHEAR], wheel[WIDTH],
+                x_from, x_from + moved, kept.sinkage, kept.shear, wheel[WIDTH],
                 int(wheel[TRACK]), ruts,
             )  # fmt: skip
 
 
 @kernel
-def update_moments(method, x, p, memory, scalars, ruts, body, noise):
+def update_moments(method, x, p, wheel_memory, vehicle_memory, ruts, body, noise):
     """Take in the moment of every wheel that slips measurably, in place.
 
     Parameters
@@ -385,8 +462,8 @@ def update_moments(method, x, p, memory, scalars, ruts, body, noise):
         A `traction_controller.estimation.kalman.Method`.
     x, p : ndarray
         State and covariance in SI units, see `update_wheels`.
-    memory, scalars : ndarray
-        What is kept beside them, SI units, see `update_wheels`.
+    wheel_memory, vehicle_memory : ndarray
+        What is kept beside them, see `update_wheels`.
     ruts : Ruts
         What the wheels have left.
     body : Body
@@ -406,15 +483,15 @@ def update_moments(method, x, p, memory, scalars, ruts, body, noise):
     h = np.zeros(x.size)
     gain = np.empty(x.size)
     soil = np.empty((1, body.soils.shape[1]))
-    travelled = scalars[TRAVELLED]
-    for j in range(memory.shape[0]):
-        wheel, kept = body.wheels[j], memory[j]
+    trip = vehicle_memory[0]
+    travelled = trip.travelled
+    for j in range(wheel_memory.shape[0]):
+        wheel, kept = body.wheels[j], wheel_memory[j]
         radius = wheel[RADIUS]
-        omega = kept[OMEGA]
+        omega = kept.omega
         v, rim = x[SPEED], radius * omega
         if not is_valid(v, rim, noise.min_speed) or v * rim < 0.0:
-            for column in range(RESISTANCE, SINKAGE_SLOPE + 1):
-                kept[column] = 0.0
+            forget_curve(kept)
             continue
         fastest = max(abs(v), abs(rim))
         heading = 1.0 if v + rim >= 0.0 else -1.0
@@ -425,30 +502,32 @@ def update_moments(method, x, p, memory, scalars, ruts, body, noise):
         for a in range(PER_WHEEL):
             entries[1 + a] = first + a
             steps[1 + a] = 0.1
-        steps[PER_WHEEL] = -0.1
+        steps[1 + SINKAGE_MODULUS] = -0.1
         count = sigma_points(method, x, p, entries, steps, root, points)
-        place = scalars[PLACE] + wheel[POSITION]
-        guess = kept[SINKAGE]
+        place = trip.place + wheel[POSITION]
+        guess = kept.sinkage
         left = 0.0
         for i in range(count):
             # Not across standstill, where all of it turns round.
             speed = heading * max(heading * points[i, 0], MIN_TRANSIT_SPEED)
             moment, resistance, _, z, shear = quasi_static(
-                speed, omega, kept[LOAD], place, (points[i, 1], points[i, 2], points[i, 3]),
+                speed, omega, kept.load, place, (points[i, 1], points[i, 2], points[i, 3]),
                 body.soils[j], wheel, ruts, guess, soil,
             )  # fmt: skip
             moments[i], resistances[i], sinkages[i] = moment, resistance, z
             if i == 0:
                 guess, left = z, shear
-        kept[SINKAGE], kept[SHEAR] = sinkages[0], left
-        kept[RESISTANCE], kept[RESISTANCE_REST] = linearise(
-            method, resistances, steps, root, slope
-        )
-        kept[BY_SPEED : BY_SPEED + k] = slope
+        kept.sinkage, kept.shear = sinkages[0], left
+        resistance, resistance_rest = linearise(method, resistances, steps, root, slope)
+        kept.resistance, kept.resistance_rest = resistance, resistance_rest
+        kept.resistance_by_speed = slope[0]
+        kept.resistance_by_strength = slope[1 + STRENGTH]
+        kept.resistance_by_shear_modulus = slope[1 + SHEAR_MODULUS]
+        kept.resistance_by_sinkage_modulus = slope[1 + SINKAGE_MODULUS]
         linearise(method, sinkages, steps, root, slope)
-        kept[SINKAGE_SLOPE] = slope[PER_WHEEL]
+        kept.sinkage_slope = slope[1 + SINKAGE_MODULUS]
         expected, rest = linearise(method, moments, steps, root, slope)
-        kept[MOMENT_SLOPE] = slope[0]
+        kept.moment_slope = slope[0]
 
         h[:] = 0.0
         for a in range(k):
@@ -456,39 +535,41 @@ def update_moments(method, x, p, memory, scalars, ruts, body, noise):
         per_slip = slope[0] * fastest
         # Slip errs by the wheel speed's error, too, as far as pulses leave one.
         blurred = noise.pulse > 0.0
-        by_pulses = (per_slip * radius / fastest) ** 2 * kept[OMEGA_VARIANCE] if blurred else 0.0
-        innovation = kept[MOMENT] - expected
+        by_pulses = (per_slip * radius / fastest) ** 2 * kept.omega_variance if blurred else 0.0
+        innovation = kept.moment - expected
         unsettled = 1.0 + START_DOUBT * math.exp(-travelled / (START_LENGTH * radius))
-        past = travelled - kept[HELD_UNTIL]
+        past = travelled - kept.held_until
         changing = 1.0 + CHANGE_DOUBT * math.exp(-max(past, 0.0) / (CHANGE_LENGTH * radius))
-        changing += OFF_NOMINAL if kept[HELD_UNTIL] > 0.0 else 0.0
+        changing += OFF_NOMINAL if kept.held_until > 0.0 else 0.0
         unit = radius * wheel[STATIC_LOAD]
-        own = (SURPRISE_MOMENT * unit) ** 2 + (SURPRISE_SLIP * per_slip) ** 2 + by_pulses
+        own = (INNOVATION_MOMENT * unit) ** 2 + (INNOVATION_SLIP * per_slip) ** 2 + by_pulses
         seen = own * (unsettled * changing) ** 2 + rest
         for a in range(k):
             for b in range(k):
                 seen += slope[a] * p[entries[a], entries[b]] * slope[b]
         if past > 0.0 and unsettled < 1.1:
-            surprise = innovation / math.sqrt(seen)
-            kept[SURPRISE] += SURPRISE_SHARE * (surprise - kept[SURPRISE])
+            normalised = innovation / math.sqrt(seen)
+            kept.mean_innovation += INNOVATION_SHARE * (normalised - kept.mean_innovation)
         else:
-            kept[SURPRISE] = 0.0
-        if abs(kept[SURPRISE]) > CHANGE_SURPRISE:
-            kept[SURPRISE] = 0.0
-            doubt_soil(x, p, j, body.changed, kept[HELD_UNTIL] > 0.0 and past < AGAIN * radius)
-            scalars[CHANGED] = scalars[TIME]
-            cosine = max(-1.0, 1.0 - kept[SINKAGE] / radius)
-            kept[HELD_UNTIL] = travelled + radius * math.acos(cosine)
-        if travelled <= kept[HELD_UNTIL]:
+            kept.mean_innovation = 0.0
+        if abs(kept.mean_innovation) > CHANGE_INNOVATION:
+            kept.mean_innovation = 0.0
+            doubt_soil(x, p, j, body.changed, kept.held_until > 0.0 and past < AGAIN * radius)
+            trip.soil_changed_at = trip.time
+            cosine = max(-1.0, 1.0 - kept.sinkage / radius)
+            kept.held_until = travelled + radius * math.acos(cosine)
+        if travelled <= kept.held_until:
             continue
         variance = (noise.moment * unit) ** 2 + (noise.slip * per_slip) ** 2 + by_pulses + rest
-        variance *= (unsettled * changing) ** 2 * (1.0 + (kept[SURPRISE] / DOUBT_SURPRISE) ** 4)
+        variance *= (unsettled * changing) ** 2 * (
+            1.0 + (kept.mean_innovation / DOUBT_INNOVATION) ** 4
+        )
         optimal_gain(p, h, variance, gain)
         update(x, p, h, gain, innovation, variance)
 
 
 @kernel
-def update_wheels(method, t, omega, torque, x, p, memory, scalars, ruts, body, noise):
+def update_wheels(method, t, omega, torque, x, p, wheel_memory, vehicle_memory, ruts, body, noise):
     """Take in a reading of all wheels but the first, in place.
 
     Parameters
@@ -496,16 +577,16 @@ def update_wheels(method, t, omega, torque, x, p, memory, scalars, ruts, body, n
     method : int
         A `traction_controller.estimation.kalman.Method`.
     t : float
-        Time, s, after that of `scalars`.
+        Time, s, after that of `vehicle_memory`.
     omega, torque : ndarray, shape (n,)
         Wheel speeds, rad/s, and shaft torques, N*m, forward positive.
     x : ndarray, shape (2 + 3n,)
         State: m/s, N, logarithms.
     p : ndarray, shape (2 + 3n, 2 + 3n)
         Its covariance, in products of these units.
-    memory : ndarray, shape (n, 22)
+    wheel_memory : ndarray of `WHEEL_MEMORY`, shape (n,)
         What is kept of each wheel, SI units.
-    scalars : ndarray, shape (7,)
+    vehicle_memory : ndarray of `VEHICLE_MEMORY`, shape (1,)
         What is kept of the vehicle, SI units.
     ruts : Ruts
         What the wheels have left.
@@ -514,8 +595,8 @@ def update_wheels(method, t, omega, torque, x, p, memory, scalars, ruts, body, n
     noise : Noise
         SI units.
     """
-    advance(t, omega, torque, x, p, memory, scalars, ruts, body, noise)
-    update_moments(method, x, p, memory, scalars, ruts, body, noise)
+    advance(t, omega, torque, x, p, wheel_memory, vehicle_memory, ruts, body, noise)
+    update_moments(method, x, p, wheel_memory, vehicle_memory, ruts, body, noise)
 
 
 @kernel

@@ -243,13 +243,13 @@ def linearise(method, values, steps, root, slope):
     Parameters
     ----------
     method : int
-        A `Method`; `spread` chose the points by it.
+        A `Method`; `sigma_points` chose the points by it.
     values : ndarray, shape (1 + 2k,)
         The function at the points, in its unit; as many as there are points.
     steps : ndarray, shape (k,)
-        As `spread` was given, in the entries' units.
+        As `sigma_points` was given, in the entries' units.
     root : ndarray, shape (k, k)
-        As `spread` left it, in the entries' units.
+        As `sigma_points` left it, in the entries' units.
     slope : ndarray, shape (k,)
         Out: function per entry, in their units.
 

@@ -14,16 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from traction_controller.estimation.filter_step import (
-    CHANGED,
     DRAWBAR,
     FIRST_WHEEL,
-    HELD_UNTIL,
-    MEMORY,
     PER_WHEEL,
-    RESISTANCE,
-    SCALARS,
     SPEED,
-    TRAVELLED,
+    VEHICLE_MEMORY,
+    WHEEL_MEMORY,
     Body,
     Noise,
     begin,
@@ -133,7 +129,8 @@ class _SteadyDrive:
         n = len(body.wheels)
         m = FIRST_WHEEL + PER_WHEEL * n
         self._x, self._p = np.zeros(m), np.zeros((m, m))
-        self._memory, self._scalars = np.zeros((n, MEMORY)), np.zeros(SCALARS)
+        self._wheel_memory = np.zeros(n, WHEEL_MEMORY)
+        self._vehicle_memory = np.zeros(1, VEHICLE_MEMORY)
         # Each on fresh soil.
         self._ruts = fresh_ruts(0, 0.0)
         wheels = body.wheels.copy()
@@ -149,28 +146,28 @@ class _SteadyDrive:
             )  # fmt: skip
             self._torque[j] = moment + wheel[FRICTION] * self._omega[j]
             self._drawbar += moment / wheel[RADIUS] - resistance
-            self._memory[j, RESISTANCE] = resistance
+            self._wheel_memory['resistance'][j] = resistance
 
     def begin(self, unknown_drawbar: float, nominal: float) -> None:
         begin(
-            0.0, self._omega, self._torque, self._x, self._p, self._memory, self._scalars,
-            self._body, self._noise,
+            0.0, self._omega, self._torque, self._x, self._p, self._wheel_memory,
+            self._vehicle_memory, self._body, self._noise,
         )  # fmt: skip
         self._x[SPEED], self._x[DRAWBAR] = self._v, self._drawbar
         self._p[SPEED, SPEED] = self._speed_variance
         self._p[DRAWBAR, DRAWBAR] = unknown_drawbar**2
         for j in range(len(self._omega)):
             doubt_soil(self._x, self._p, j, self._body.changed * nominal**2, False)
-        self._memory[:, HELD_UNTIL] = -1.0
-        self._scalars[TRAVELLED] = 1e3
-        self._scalars[CHANGED] = -math.inf
-        self._state = (self._x, self._p, self._memory, self._scalars)
+        self._wheel_memory['held_until'] = -1.0
+        self._vehicle_memory['travelled'] = 1e3
+        self._vehicle_memory['soil_changed_at'] = -math.inf
+        self._state = (self._x, self._p, self._wheel_memory, self._vehicle_memory)
 
     def change_soil(self) -> None:
         for j in range(len(self._omega)):
             doubt_soil(self._x, self._p, j, self._body.changed, False)
-        self._memory[:, HELD_UNTIL] = self._scalars[TRAVELLED]
-        self._scalars[CHANGED] = self._scalars[0]
+        self._wheel_memory['held_until'] = self._vehicle_memory['travelled']
+        self._vehicle_memory['soil_changed_at'] = self._vehicle_memory['time']
 
     def on(self, time: float, measured: bool = True) -> None:
         """Drive on for a time."""
@@ -181,9 +178,9 @@ class _SteadyDrive:
             self._x[SPEED], self._x[DRAWBAR] = self._v, self._drawbar
             self._x[FIRST_WHEEL:] = 0.0
             update_wheels(
-                int(Method.EKF), self._scalars[0] + WHEEL_PERIOD, self._omega, self._torque,
-                self._x, self._p, self._memory, self._scalars, self._ruts, self._body,
-                self._noise,
+                int(Method.EKF), self._vehicle_memory['time'][0] + WHEEL_PERIOD, self._omega,
+                self._torque, self._x, self._p, self._wheel_memory, self._vehicle_memory,
+                self._ruts, self._body, self._noise,
             )  # fmt: skip
             if measured and (steps - k) % every == every - 1:
                 update_speed(self._x, self._p, self._v, self._speed_variance)

@@ -20,28 +20,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from traction_controller.estimation.filter_step import (
-    ACCELERATION,
-    BY_STRENGTH,
-    CHANGED,
     DRAWBAR,
     FIRST_WHEEL,
-    HELD_UNTIL,
-    MEMORY,
-    MOMENT,
-    MOMENT_SLOPE,
-    OMEGA,
-    OMEGA_VARIANCE,
     PER_WHEEL,
-    RESISTANCE,
-    SCALARS,
-    SINKAGE,
-    SINKAGE_SLOPE,
+    SHEAR_MODULUS,
+    SINKAGE_MODULUS,
     SPEED,
     START_DOUBT,
     START_LENGTH,
-    SURPRISE,
-    TIME,
-    TRAVELLED,
+    STRENGTH,
+    VEHICLE_MEMORY,
+    WHEEL_MEMORY,
     Body,
     Noise,
     begin,
@@ -139,7 +128,7 @@ MIN_STIFFNESS = 0.05
 OTHER_RADIUS = 0.01
 
 
-class Reading:
+class WheelReading:
     """A reading of the wheels, the speeds that belong to it, and the state before it.
 
     Parameters
@@ -222,16 +211,10 @@ class SlipFilter:
     _LARGEST_ACCELERATION = 5.0
     # Weight of the newest speed in the mean innovation, and how large that mean may grow, in
     # standard deviations of one innovation (a sixth of which is its own).
-    _SURPRISE_SHARE = 0.05
-    _SURPRISE_LIMIT = 0.8
+    _INNOVATION_SHARE = 0.05
+    _INNOVATION_LIMIT = 0.8
     # Ground speed is valid up to this standard deviation, m/s.
     _LARGEST_DEVIATION = 0.5
-
-    # Of the sensors of speed: time of the newest, mean surprise, and time, speed and number of
-    # readings that agree with each other and are not believed.
-    _SPEED_T, _SPEED_SURPRISE, _REFUSED_T, _REFUSED, _IN_A_ROW, _SCALARS = range(
-        SCALARS, SCALARS + 6
-    )
 
     def __init__(
         self,
@@ -283,7 +266,7 @@ class SlipFilter:
         self._body = Body(
             wheels=self._wheels,
             soils=np.array([soil.packed(wheel) for wheel in vehicle.wheels]),
-            spread=np.ascontiguousarray(vehicle.load_distribution()),
+            load_distribution=np.ascontiguousarray(vehicle.load_distribution()),
             drift=np.eye(PER_WHEEL) * noise.soil**2,
             changed=changed,
             mass=float(vehicle.mass),
@@ -332,19 +315,35 @@ class SlipFilter:
             1 + int(self._wheels[:, TRACK].max()) if self._wheels[0, TRACK] >= 0 else 0,
             float(np.ptp(self.vehicle.wheel_positions)),
         )
-        shapes = [(m,), (m, m), (n, MEMORY), (self._SCALARS,), *[ruts.depth.shape] * 3]
-        ends = np.cumsum([math.prod(shape) for shape in shapes])
-        self._state = np.zeros(ends[-1])
-        parts = [
-            part.reshape(shape)
-            for part, shape in zip(np.split(self._state, ends[:-1]), shapes, strict=True)
-        ]
-        self._x, self._p, self._memory, self._scalars = parts[:4]
+        layout = np.dtype(
+            [
+                ('x', float, (m,)),
+                ('p', float, (m, m)),
+                ('wheels', WHEEL_MEMORY, (n,)),
+                ('vehicle', VEHICLE_MEMORY, (1,)),
+                ('rut_depth', float, ruts.depth.shape),
+                ('rut_shear', float, ruts.depth.shape),
+                ('rut_width', float, ruts.depth.shape),
+            ],
+            align=True,
+        )
+        state = np.zeros(1, layout)
+        # The same memory as plain numbers, which are copied fastest.
+        self._state = state.view(float)
+        self._x, self._p = state['x'][0], state['p'][0]
+        self._wheel_memory = state['wheels'][0]
+        self._vehicle_memory = state['vehicle'][0]
+        # The same memory, read and written by the names of its fields.
+        self._trip: Any = self._vehicle_memory[0]
         self._fresh = ruts.newest.copy()
-        depth, shear, width = parts[4:]
-        self._ruts = Ruts(depth, shear, width, ruts.newest)
-        self._readings: deque[Reading] = deque()
-        self._spare: list[Reading] = []
+        self._ruts = Ruts(
+            state['rut_depth'][0],
+            state['rut_shear'][0],
+            state['rut_width'][0],
+            ruts.newest,
+        )
+        self._readings: deque[WheelReading] = deque()
+        self._spare: list[WheelReading] = []
 
     def __deepcopy__(self, memo: dict[int, Any]) -> 'SlipFilter':
         # A plain copy would tear apart what lies in one array.
@@ -374,9 +373,9 @@ class SlipFilter:
         self._p[DRAWBAR, DRAWBAR] = self._unknown_drawbar**2
         for j in range(n):
             doubt_soil(self._x, self._p, j, self._body.changed * self.noise.nominal**2, False)
-        self._memory[:, HELD_UNTIL] = -1.0
-        self._scalars[CHANGED] = -math.inf
-        self._scalars[self._SPEED_T] = -math.inf
+        self._wheel_memory['held_until'] = -1.0
+        self._trip['soil_changed_at'] = -math.inf
+        self._trip['speed_time'] = -math.inf
         self._spare.extend(self._readings)
         self._readings.clear()
         self.slip = np.zeros(n)
@@ -435,15 +434,13 @@ class SlipFilter:
     @property
     def source(self) -> Source:
         """What `v` rests on at present."""
-        silent = (
-            self.t is None or self.t - self._scalars[self._SPEED_T] > self.radar_timeout + 1e-9
-        )
+        silent = self.t is None or self.t - self._trip['speed_time'] > self.radar_timeout + 1e-9
         return Source.WHEEL if silent else Source.BLENDED
 
     @property
     def gross_traction(self) -> NDArray[np.float64]:
         """Moment of the soil over the rolling radius, N, forward positive, shape (n,)."""
-        return np.asarray(self._memory[:, MOMENT] / self._wheels[:, RADIUS])
+        return np.asarray(self._wheel_memory['moment'] / self._wheels[:, RADIUS])
 
     @property
     def external_resistance(self) -> float:
@@ -451,14 +448,19 @@ class SlipFilter:
 
         Motion resistance of the wheels, drawbar, grade and air.
         """
-        return float(self._x[DRAWBAR] + self._memory[:, RESISTANCE].sum())
+        return float(self._x[DRAWBAR] + self._wheel_memory['resistance'].sum())
 
     @property
     def external_resistance_variance(self) -> float:
         """Variance of `external_resistance`, N^2."""
         slope = np.zeros(len(self._x))
         slope[DRAWBAR] = 1.0
-        slope[FIRST_WHEEL:] = self._memory[:, BY_STRENGTH : BY_STRENGTH + PER_WHEEL].ravel()
+        for entry, field in (
+            (STRENGTH, 'resistance_by_strength'),
+            (SHEAR_MODULUS, 'resistance_by_shear_modulus'),
+            (SINKAGE_MODULUS, 'resistance_by_sinkage_modulus'),
+        ):
+            slope[FIRST_WHEEL + entry :: PER_WHEEL] = self._wheel_memory[field]
         return float(slope @ self._p @ slope)
 
     def _factor(self, which: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -472,22 +474,22 @@ class SlipFilter:
 
         ``c + (W/A)*tan(phi)`` with the static load W and the area A on the nominal soil.
         """
-        return np.asarray(self._strengths * np.exp(self._factor(0)[0]))
+        return np.asarray(self._strengths * np.exp(self._factor(STRENGTH)[0]))
 
     @property
     def max_shear_stress_variance(self) -> NDArray[np.float64]:
         """Variance of `max_shear_stress`, Pa^2, shape (n,)."""
-        return np.asarray(self.max_shear_stress**2 * self._factor(0)[1])
+        return np.asarray(self.max_shear_stress**2 * self._factor(STRENGTH)[1])
 
     @property
     def shear_deformation_modulus(self) -> NDArray[np.float64]:
         """K of the soil under every wheel, m, shape (n,)."""
-        return np.asarray(self._shear_modulus * np.exp(self._factor(1)[0]))
+        return np.asarray(self._shear_modulus * np.exp(self._factor(SHEAR_MODULUS)[0]))
 
     @property
     def shear_deformation_modulus_variance(self) -> NDArray[np.float64]:
         """Variance of `shear_deformation_modulus`, m^2, shape (n,)."""
-        return np.asarray(self.shear_deformation_modulus**2 * self._factor(1)[1])
+        return np.asarray(self.shear_deformation_modulus**2 * self._factor(SHEAR_MODULUS)[1])
 
     @property
     def sinkage(self) -> NDArray[np.float64]:
@@ -495,19 +497,19 @@ class SlipFilter:
 
         NaN until the wheel has moved.
         """
-        z = self._memory[:, SINKAGE]
+        z = self._wheel_memory['sinkage']
         return np.where(z > 0, z, np.nan)
 
     @property
     def sinkage_variance(self) -> NDArray[np.float64]:
         """Variance of `sinkage`, m^2, shape (n,); NaN until the wheel has moved."""
-        by_soil = self._memory[:, SINKAGE_SLOPE] ** 2 * self._factor(2)[1]
+        by_soil = self._wheel_memory['sinkage_slope'] ** 2 * self._factor(SINKAGE_MODULUS)[1]
         return np.asarray(by_soil + (SINKAGE_OPEN * self.sinkage) ** 2)
 
     @property
     def strength_known(self) -> NDArray[np.bool_]:
         """Whether tau_max of each wheel is known to 15 %, shape (n,)."""
-        return np.asarray(self._factor(0)[1] < STRENGTH_KNOWN**2)
+        return np.asarray(self._factor(STRENGTH)[1] < STRENGTH_KNOWN**2)
 
     @property
     def mobilisation(self) -> float:
@@ -535,7 +537,7 @@ class SlipFilter:
         )
         v = self.v
         for j, rim in enumerate(self.rim_speed):
-            slope = self._memory[j, MOMENT_SLOPE]
+            slope = self._wheel_memory['moment_slope'][j]
             if slope != 0.0:
                 # Slip over v: -1/rim when driving, -rim/v^2 when braking.
                 per_slip = abs(rim) if abs(rim) >= abs(v) else v * v / max(abs(rim), 1e-3)
@@ -577,7 +579,7 @@ class SlipFilter:
         reading = (
             self._spare.pop()
             if self._spare
-            else Reading(len(self._state), len(self._fresh), self.n_wheels)
+            else WheelReading(len(self._state), len(self._fresh), self.n_wheels)
         )
         reading.t = t
         reading.omega[:] = omega
@@ -683,7 +685,7 @@ class SlipFilter:
         self._derive()
         return believed
 
-    def _put(self, reading: Reading) -> None:
+    def _put(self, reading: WheelReading) -> None:
         """Put a reading of the wheels where it belongs, and take in again what is younger."""
         place = bisect_right(self._readings, reading.t, key=lambda other: other.t)
         # There is one before it: the oldest is older than whatever is accepted.
@@ -708,48 +710,48 @@ class SlipFilter:
                     answer = believed
         return answer
 
-    def _take_wheels(self, reading: Reading) -> None:
+    def _take_wheels(self, reading: WheelReading) -> None:
         """Take in a reading of the wheels that is younger than the state."""
         reading.before[:] = self._state
         reading.newest[:] = self._ruts.newest
         if reading is self._readings[0]:
             begin(
-                reading.t, reading.omega, reading.torque, self._x, self._p, self._memory,
-                self._scalars, self._body, self._noise,
+                reading.t, reading.omega, reading.torque, self._x, self._p, self._wheel_memory,
+                self._vehicle_memory, self._body, self._noise,
             )  # fmt: skip
-        elif reading.t > self._scalars[TIME]:
+        elif reading.t > self._trip['time']:
             if self._schedule is not None:
                 self._load_covariance(self._schedule)
             update_wheels(
                 self._method, reading.t, reading.omega, reading.torque, self._x, self._p,
-                self._memory, self._scalars, self._ruts, self._body, self._noise,
+                self._wheel_memory, self._vehicle_memory, self._ruts, self._body, self._noise,
             )  # fmt: skip
-        rims = self._wheels[:, RADIUS] * self._memory[:, OMEGA]
+        rims = self._wheels[:, RADIUS] * self._wheel_memory['omega']
         if np.max(np.abs(rims)) < self.min_speed:
             self._stand_still(int(np.argmin(np.abs(rims))))
 
     def _load_covariance(self, schedule: ScheduledCovariance) -> None:
         """Take the covariance that belongs to the present speed, slip and silence."""
-        scalars = self._scalars
-        t = scalars[TIME]
-        rims = self._wheels[:, RADIUS] * self._memory[:, OMEGA]
+        trip = self._trip
+        t = trip['time']
+        rims = self._wheels[:, RADIUS] * self._wheel_memory['omega']
         mean = float(np.mean([abs(slip(self.v, rim)) for rim in rims]))
         # After a start the filter's own covariance holds, which the start has left.
-        if abs(self.v) > self.min_speed and scalars[TRAVELLED] > 2 * self._settling:
+        if abs(self.v) > self.min_speed and trip['travelled'] > 2 * self._settling:
             schedule.look_up(
-                abs(self.v), mean, t - scalars[self._SPEED_T], t - scalars[CHANGED], self._p
+                abs(self.v), mean, t - trip['speed_time'], t - trip['soil_changed_at'], self._p
             )
 
     def _stand_still(self, slowest: int) -> None:
         """All wheels (nearly) stand: so does the vehicle, unless a sensor says otherwise."""
-        radius, kept = self._wheels[slowest, RADIUS], self._memory[slowest]
-        rim = float(radius * kept[OMEGA])
-        scalars = self._scalars
-        scalars[TRAVELLED] = 0.0
-        self._memory[:, HELD_UNTIL] = -1.0
-        self._memory[:, SURPRISE] = 0.0
-        variance = float((0.02 + 0.5 * abs(rim)) ** 2 + radius**2 * kept[OMEGA_VARIANCE])
-        measured = scalars[TIME] - scalars[self._SPEED_T] <= self.radar_timeout + 1e-9
+        radius, kept = self._wheels[slowest, RADIUS], self._wheel_memory[slowest]
+        rim = float(radius * kept['omega'])
+        trip = self._trip
+        trip['travelled'] = 0.0
+        self._wheel_memory['held_until'] = -1.0
+        self._wheel_memory['mean_innovation'] = 0.0
+        variance = float((0.02 + 0.5 * abs(rim)) ** 2 + radius**2 * kept['omega_variance'])
+        measured = trip['time'] - trip['speed_time'] <= self.radar_timeout + 1e-9
         if measured and self._unlikely(rim, variance):
             # Wheels that are locked, not a vehicle that stands.
             return
@@ -761,37 +763,37 @@ class SlipFilter:
         """Whether a measured speed is too far from the estimate to be believed."""
         return (v - self.v) ** 2 > self._GATE**2 * (self.v_variance + variance)
 
-    def _take_speed(self, reading: Reading, entry: tuple[float, int, float, float]) -> bool:
+    def _take_speed(self, reading: WheelReading, entry: tuple[float, int, float, float]) -> bool:
         """Take in a measured speed that belongs to the newest reading of the wheels taken in."""
         t, _, v, variance = entry
-        scalars = self._scalars
+        trip = self._trip
         # What it was at the time of the reading.
-        v -= scalars[ACCELERATION] * (t - reading.t)
+        v -= trip['acceleration'] * (t - reading.t)
         if self._unlikely(v, variance):
             off = self._GATE * math.sqrt(2 * variance)
-            off += self._LARGEST_ACCELERATION * abs(t - scalars[self._REFUSED_T])
-            agrees = scalars[self._IN_A_ROW] > 0 and abs(v - scalars[self._REFUSED]) <= off
-            scalars[self._IN_A_ROW] = scalars[self._IN_A_ROW] + 1 if agrees else 1
-            scalars[self._REFUSED_T], scalars[self._REFUSED] = t, v
-            if scalars[self._IN_A_ROW] < self._AGREEING:
+            off += self._LARGEST_ACCELERATION * abs(t - trip['refused_time'])
+            agrees = trip['refused_in_a_row'] > 0 and abs(v - trip['refused_speed']) <= off
+            trip['refused_in_a_row'] = trip['refused_in_a_row'] + 1 if agrees else 1
+            trip['refused_time'], trip['refused_speed'] = t, v
+            if trip['refused_in_a_row'] < self._AGREEING:
                 return False
             self._x[SPEED] = v
             reset_entry(self._p, SPEED, variance)
             self._doubt()
         else:
             expected = math.sqrt(self.v_variance + variance)
-            if scalars[TRAVELLED] > self._settling:
-                surprise = (v - self.v) / expected - scalars[self._SPEED_SURPRISE]
-                scalars[self._SPEED_SURPRISE] += self._SURPRISE_SHARE * surprise
-            if abs(scalars[self._SPEED_SURPRISE]) > self._SURPRISE_LIMIT:
+            if trip['travelled'] > self._settling:
+                normalised = (v - self.v) / expected - trip['mean_speed_innovation']
+                trip['mean_speed_innovation'] += self._INNOVATION_SHARE * normalised
+            if abs(trip['mean_speed_innovation']) > self._INNOVATION_LIMIT:
                 # Dozens of readings on the same side: speed is what they say on average, and
                 # soil or drawbar are others.
-                self._x[SPEED] += scalars[self._SPEED_SURPRISE] * expected
-                reset_entry(self._p, SPEED, self._SURPRISE_SHARE * expected**2)
+                self._x[SPEED] += trip['mean_speed_innovation'] * expected
+                reset_entry(self._p, SPEED, self._INNOVATION_SHARE * expected**2)
                 self._doubt()
             update_speed(self._x, self._p, v, variance)
-        scalars[self._IN_A_ROW] = 0
-        scalars[self._SPEED_T] = max(scalars[self._SPEED_T], t)
+        trip['refused_in_a_row'] = 0
+        trip['speed_time'] = max(trip['speed_time'], t)
         return True
 
     def _doubt(self) -> None:
@@ -800,7 +802,7 @@ class SlipFilter:
             doubt_soil(self._x, self._p, j, self._body.changed, True)
         reset_entry(self._p, DRAWBAR, self._unknown_drawbar**2)
         self._p[SPEED, SPEED] += self.noise.speed**2
-        self._scalars[self._SPEED_SURPRISE] = 0.0
+        self._trip['mean_speed_innovation'] = 0.0
 
     def _derive(self) -> None:
         """Slip of every wheel, with variance and validity, from the present speeds."""
@@ -808,12 +810,12 @@ class SlipFilter:
         v_valid = self.v_valid
         for j in range(self.n_wheels):
             radius = self._wheels[j, RADIUS]
-            rim = radius * self._memory[j, OMEGA]
+            rim = radius * self._wheel_memory['omega'][j]
             self.rim_speed[j] = rim
             fastest = max(abs(v), abs(rim), 1e-3)
             self.slip[j] = slip(v, rim)
             # The smaller speed over the larger: an error of either one counts by the other.
-            rim_variance = radius**2 * self._memory[j, OMEGA_VARIANCE]
+            rim_variance = radius**2 * self._wheel_memory['omega_variance'][j]
             ratio = min(abs(v), abs(rim)) / fastest
             of_v, of_rim = (1.0, ratio) if abs(rim) >= abs(v) else (ratio, 1.0)
             self.slip_variance[j] = min(

@@ -347,10 +347,10 @@ class SlipEstimatorBehaviour(Behaviour):
             self._send_slip(stamp)
         if estimator.terrain_due:
             self._send_terrain(stamp)
-        if estimator.odometry_due:
-            self._send_odometry(stamp)
         if estimator.health_due:
             self._report_health()
+        if estimator.odometry_due:
+            self._send_odometry(stamp)
 
     def _on_radar(self, message: Any) -> None:
         self._on_speed(self._estimator.radar, message)
