@@ -309,7 +309,7 @@ def begin(t, omega, torque, x, p, wheel_memory, vehicle_memory, body, noise):
     x, p : ndarray
         State and covariance in SI units, see `update_wheels`.
     wheel_memory, vehicle_memory : ndarray
-        What is kept beside them, see `update_wheels`.
+        What is kept beside them, SI units, see `update_wheels`.
     body : Body
         SI units.
     noise : Noise
@@ -352,7 +352,7 @@ def advance(t, omega, torque, x, p, wheel_memory, vehicle_memory, ruts, body, no
     x, p : ndarray
         State and covariance in SI units, see `update_wheels`.
     wheel_memory, vehicle_memory : ndarray
-        What is kept beside them, see `update_wheels`.
+        What is kept beside them, SI units, see `update_wheels`.
     ruts : Ruts
         What the wheels have left, extended.
     body : Body
@@ -463,7 +463,7 @@ def update_moments(method, x, p, wheel_memory, vehicle_memory, ruts, body, noise
     x, p : ndarray
         State and covariance in SI units, see `update_wheels`.
     wheel_memory, vehicle_memory : ndarray
-        What is kept beside them, see `update_wheels`.
+        What is kept beside them, SI units, see `update_wheels`.
     ruts : Ruts
         What the wheels have left.
     body : Body
