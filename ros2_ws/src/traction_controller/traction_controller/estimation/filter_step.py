@@ -1,4 +1,4 @@
-"""The step of slip estimation: a reading of all wheels, a reading of the speed over ground.
+"""Step of the slip filter: a reading of all wheels, a reading of the speed over ground.
 
 State for n wheels: speed v, drawbar d (all that holds the vehicle back but soil: drawbar pull,
 grade, air), then for each wheel the logarithms of three factors on the nominal soil under it:
@@ -92,7 +92,7 @@ WHEEL_MEMORY = np.dtype(
     ],
     align=True,
 )
-"""What the filter keeps of each wheel beside its state, SI units."""
+"""Memory of each wheel beside the filter's state, SI units."""
 
 VEHICLE_MEMORY = np.dtype(
     [
@@ -118,7 +118,7 @@ VEHICLE_MEMORY = np.dtype(
     ],
     align=True,
 )
-"""What the filter keeps of the vehicle beside its state, SI units."""
+"""Memory of the vehicle beside the filter's state, SI units."""
 
 
 class Noise(NamedTuple):
@@ -298,7 +298,7 @@ def forget_curve(kept):
 
 @kernel
 def begin(t, omega, torque, x, p, wheel_memory, vehicle_memory, body, noise):
-    """Take in the first reading of the wheels, in place.
+    """Start from the first reading of the wheels, in place.
 
     Parameters
     ----------
@@ -454,7 +454,7 @@ def advance(t, omega, torque, x, p, wheel_memory, vehicle_memory, ruts, body, no
 
 @kernel
 def update_moments(method, x, p, wheel_memory, vehicle_memory, ruts, body, noise):
-    """Take in the moment of every wheel that slips measurably, in place.
+    """Update with the moment of every wheel that slips measurably, in place.
 
     Parameters
     ----------
@@ -570,7 +570,7 @@ def update_moments(method, x, p, wheel_memory, vehicle_memory, ruts, body, noise
 
 @kernel
 def update_wheels(method, t, omega, torque, x, p, wheel_memory, vehicle_memory, ruts, body, noise):
-    """Take in a reading of all wheels but the first, in place.
+    """Update with a reading of all wheels but the first, in place.
 
     Parameters
     ----------
@@ -601,7 +601,7 @@ def update_wheels(method, t, omega, torque, x, p, wheel_memory, vehicle_memory, 
 
 @kernel
 def update_speed(x, p, v, variance):
-    """Take in a measured speed over ground, in place.
+    """Update with a measured speed over ground, in place.
 
     Parameters
     ----------

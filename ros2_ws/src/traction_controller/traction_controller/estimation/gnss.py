@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class GnssNoise:
-    """How far fixes and motion are trusted; all above 0.
+    """Deviations of fixes and motion in the filter of positions; all above 0.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class RimTravel:
         self._readings: deque[tuple[float, float, float]] = deque()
 
     def add(self, t: float, rim_speed: float) -> None:
-        """Take in the speed of the wheels' rims.
+        """Add the speed of the wheels' rims.
 
         Parameters
         ----------
@@ -180,7 +180,7 @@ class Motion(NamedTuple):
         return math.sqrt(float(np.sum((measured - expected) ** 2 / (known + variance))))
 
     def corrected(self, kind: int, measured: Array, variance: Array) -> 'Motion':
-        """Take in a measurement.
+        """Kalman update with a measurement.
 
         Parameters
         ----------
@@ -321,7 +321,7 @@ class GnssTrack:
 
     @property
     def valid(self) -> bool:
-        """Whether speed and heading mean anything: fast enough, known, fixes not all refused."""
+        """True where speed and heading can be used: fast enough, known, fixes not all refused."""
         return (
             self._motion is not None
             and self.t is not None
@@ -352,7 +352,7 @@ class GnssTrack:
         return np.full(2, math.nan) if self._motion is None else self._motion.p.copy()
 
     def wheels(self, t: float, rim_speed: float) -> None:
-        """Take in the speed of the wheels, which tells what the next fix should be.
+        """Note the speed of the wheels, which tells what the next fix should be.
 
         Parameters
         ----------
@@ -371,7 +371,7 @@ class GnssTrack:
         self._rim.add(t, rim_speed)
 
     def fix(self, t: float, position: ArrayLike) -> bool:
-        """Take in a position.
+        """Update with a position.
 
         Parameters
         ----------
@@ -396,7 +396,7 @@ class GnssTrack:
         return self._receive(t, POSITION, place, variance)
 
     def velocity(self, t: float, velocity: ArrayLike, variance: float) -> bool:
-        """Take in a velocity, as receivers measure it by the Doppler shift.
+        """Update with a velocity, as receivers measure it by the Doppler shift.
 
         Parameters
         ----------

@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 
 class Level(IntEnum):
-    """How near the vehicle is to being stuck."""
+    """Degree of immobilisation."""
 
     NONE = 0
     WARNING = 1
@@ -36,7 +36,7 @@ class Level(IntEnum):
 
 
 class Reason(Enum):
-    """Why a warning is given."""
+    """Cause of a warning."""
 
     NONE = ''
     STALLING = 'ground speed falls though torque goes on'
@@ -48,7 +48,7 @@ class Reason(Enum):
 
 @dataclass(frozen=True)
 class WarningLimits:
-    """When to warn; all above 0.
+    """Limits from which on a warning is given; all above 0.
 
     Attributes
     ----------

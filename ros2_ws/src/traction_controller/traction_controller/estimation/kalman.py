@@ -31,7 +31,7 @@ from traction_node.closest import closest
 
 
 class Method(IntEnum):
-    """Which Kalman filter.
+    """Kind of Kalman filter.
 
     Attributes
     ----------
@@ -146,7 +146,7 @@ def optimal_gain(p, h, variance, gain):
 
 @kernel
 def update(x, p, h, gain, innovation, variance):
-    """Take in one scalar measurement by any gain, in place, in the Joseph form.
+    """Update with one scalar measurement by any gain, in place, in the Joseph form.
 
     ``(I - K*h') * P * (I - K*h')' + K*R*K'`` is worked out as
     ``P - K*(P*h)' - (P*h)*K' + K*(h'*P*h + R)*K'``.

@@ -1,4 +1,4 @@
-"""What wheels and ground cannot do: readings of tachometers and radar that are not to be believed.
+"""Plausibility of tachometers and radar: readings that no wheel and no ground can cause.
 
 A wheel cannot turn up or down faster than its torque and the ground's grip make it, and a wheel
 that drives is not slower than the ground. What is measured is never the same to the last bit while
@@ -17,7 +17,7 @@ class ImplausibleError(ValueError):
 
 
 class _Constancy:
-    """How long a value is the same to the last bit, weighed with how far others are from then.
+    """Time for which a value is the same to the last bit, weighted by the change of others since.
 
     A bus has steps of 1 mm/s, which a slow change needs time to cross.
     """
@@ -223,7 +223,7 @@ class Plausibility:
         return ''
 
     def _back(self, t: float, omega: Sequence[float]) -> bool:
-        """Whether a reading is what it was before the implausible ones, or of a standstill."""
+        """True where a reading is what it was before the implausible ones, or of a standstill."""
         rims = [abs(radius * w) for radius, w in zip(self._radii, omega, strict=True)]
         moving = t - self._ground_t <= self._RECENT and abs(self._ground) >= self._min_speed
         if max(rims) < self._min_speed and not moving:

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 
 class GroundSource(IntEnum):
-    """What tells the distance over ground, best first."""
+    """Sources of the distance over ground, best first."""
 
     POSITION = 0
     VELOCITY = 1
@@ -76,11 +76,11 @@ class RadiusCalibration:
 
     @property
     def state(self) -> Calibration:
-        """Whether it calibrates at present, or why not."""
+        """State of the calibration: that it goes on, or the reason why not."""
         return self._rolling.state
 
     def wheels(self, t: float, omega: ArrayLike, gross_traction: ArrayLike) -> None:
-        """Take in how fast the wheels turn and how much they pull.
+        """Update with wheel speeds and gross traction.
 
         Parameters
         ----------

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 
 class Calibration(Enum):
-    """Whether the radius is being calibrated, or why not."""
+    """State of a calibration: that it goes on, or the reason why not."""
 
     CALIBRATING = 'calibrating'
     NO_GROUND_SPEED = 'no ground speed'
@@ -35,7 +35,7 @@ class Calibration(Enum):
 
 @dataclass(frozen=True)
 class FirmGround:
-    """When a measurement of the rolling radius counts, and how much; all above 0.
+    """Conditions and deviations of a measurement of the rolling radius; all above 0.
 
     Attributes
     ----------
@@ -158,7 +158,7 @@ class RollingRadius:
 
     @property
     def calibrated(self) -> NDArray[np.bool_]:
-        """Whether each radius is known to 1 % (standard deviation), shape (n,)."""
+        """True where a radius is known to 1 % (standard deviation), shape (n,)."""
         return np.asarray(self.scale_variance <= self.CALIBRATED**2)
 
     def advance(
@@ -169,7 +169,7 @@ class RollingRadius:
         effort: ArrayLike,
         heading: float = math.nan,
     ) -> None:
-        """Take in how far the wheels have turned and the vehicle has come.
+        """Update with the angle of the wheels and the distance of the vehicle.
 
         To be called at every reading of the ground speed or position.
 

@@ -1,11 +1,11 @@
-"""Slip estimation from tachometers, shaft torque, radar and satellite speed.
+"""Slip filter: slip, speed and soil from tachometers, shaft torque, radar and satellite speed.
 
 The filter itself is `traction_controller.estimation.filter_step`; here are its constructor, its
 history and what is read from it. Measurements belong to their stamp, less the latency of their
 sensor. A speed belongs to the newest reading of the wheels that is not younger than it, and is
 compared with what that reading and its acceleration give for its time. State is kept for every
 reading of the last second: what comes late or out of order is put in its place and all after it is
-taken in again, so that the estimate is the same as if it had come in time.
+repeated, so that the estimate is the same as if it had come in time.
 """
 
 import copy
@@ -49,7 +49,7 @@ from traction_model.vehicle.wheel import RADIUS, STATIC_LOAD, TRACK
 
 
 class Source(IntEnum):
-    """What the ground speed rests on, numbered as in ISO 11783-7."""
+    """Source of the ground speed, numbered as in ISO 11783-7."""
 
     WHEEL = 0
     GROUND = 1
@@ -57,7 +57,7 @@ class Source(IntEnum):
 
 
 class SpeedSensor(IntEnum):
-    """What measures the speed over ground."""
+    """Sensors of the speed over ground."""
 
     RADAR = 0
     GNSS = 1
@@ -65,7 +65,7 @@ class SpeedSensor(IntEnum):
 
 @dataclass(frozen=True)
 class EstimatorNoise:
-    """How far each part of the estimator's model is trusted; all above 0.
+    """Process and measurement noise of the slip filter; all above 0.
 
     Attributes
     ----------
@@ -428,12 +428,12 @@ class SlipFilter:
 
     @property
     def v_valid(self) -> bool:
-        """Whether `v` is known to better than 0.5 m/s (standard deviation)."""
+        """True where `v` is known to better than 0.5 m/s (standard deviation)."""
         return self.t is not None and self.v_variance < self._LARGEST_DEVIATION**2
 
     @property
     def source(self) -> Source:
-        """What `v` rests on at present."""
+        """Source of `v` at present."""
         silent = self.t is None or self.t - self._trip['speed_time'] > self.radar_timeout + 1e-9
         return Source.WHEEL if silent else Source.BLENDED
 
@@ -508,7 +508,7 @@ class SlipFilter:
 
     @property
     def strength_known(self) -> NDArray[np.bool_]:
-        """Whether tau_max of each wheel is known to 15 %, shape (n,)."""
+        """True where tau_max of a wheel is known to 15 %, shape (n,)."""
         return np.asarray(self._factor(STRENGTH)[1] < STRENGTH_KNOWN**2)
 
     @property
@@ -548,7 +548,7 @@ class SlipFilter:
         return np.asarray(stiffness)
 
     def wheel_states(self, t: float, omega: ArrayLike, torque: ArrayLike) -> None:
-        """Take in a reading of all tachometers and shaft torques.
+        """Update with a reading of all tachometers and shaft torques.
 
         Parameters
         ----------
@@ -591,7 +591,7 @@ class SlipFilter:
                 self._put(reading)
             else:
                 self._readings.append(reading)
-                self._take_wheels(reading)
+                self._update_wheels(reading)
             self.t = t
             while self._readings[0].t < t - self.HISTORY and len(self._readings) > 2:
                 self._spare.append(self._readings.popleft())
@@ -600,7 +600,7 @@ class SlipFilter:
         self._derive()
 
     def radar(self, t: float, v: float, variance: float) -> bool:
-        """Take in a radar reading.
+        """Update with a radar reading.
 
         Parameters
         ----------
@@ -628,7 +628,7 @@ class SlipFilter:
         return self._speed(SpeedSensor.RADAR, t, v, variance)
 
     def gnss(self, t: float, v: float, variance: float) -> bool:
-        """Take in a speed over ground from a satellite receiver.
+        """Update with a speed over ground from a satellite receiver.
 
         Parameters
         ----------
@@ -677,7 +677,7 @@ class SlipFilter:
             not reading.speeds or reading.speeds[-1] <= entry
         ):
             reading.speeds.append(entry)
-            believed = self._take_speed(reading, entry)
+            believed = self._update_speed(reading, entry)
         else:
             at = bisect_right(reading.speeds, entry)
             reading.speeds.insert(at, entry)
@@ -686,7 +686,7 @@ class SlipFilter:
         return believed
 
     def _put(self, reading: WheelReading) -> None:
-        """Put a reading of the wheels where it belongs, and take in again what is younger."""
+        """Put a reading of the wheels where it belongs, and repeat the updates after it."""
         place = bisect_right(self._readings, reading.t, key=lambda other: other.t)
         # There is one before it: the oldest is older than whatever is accepted.
         before = self._readings[place - 1]
@@ -697,21 +697,21 @@ class SlipFilter:
         self._replay(place - 1)
 
     def _replay(self, first: int, asked: tuple[int, int] = (-1, -1)) -> bool:
-        """Take in again all from a reading on; tell whether the speed asked for is believed."""
+        """Repeat all updates from a reading on; tell whether the speed asked for is believed."""
         self._state[:] = self._readings[first].before
         self._ruts.newest[:] = self._readings[first].newest
         answer = False
         for place in range(first, len(self._readings)):
             reading = self._readings[place]
-            self._take_wheels(reading)
+            self._update_wheels(reading)
             for at, entry in enumerate(reading.speeds):
-                believed = self._take_speed(reading, entry)
+                believed = self._update_speed(reading, entry)
                 if (place, at) == asked:
                     answer = believed
         return answer
 
-    def _take_wheels(self, reading: WheelReading) -> None:
-        """Take in a reading of the wheels that is younger than the state."""
+    def _update_wheels(self, reading: WheelReading) -> None:
+        """Update with a reading of the wheels that is younger than the state."""
         reading.before[:] = self._state
         reading.newest[:] = self._ruts.newest
         if reading is self._readings[0]:
@@ -760,11 +760,11 @@ class SlipFilter:
         reset_entry(self._p, DRAWBAR, self._unknown_drawbar**2)
 
     def _unlikely(self, v: float, variance: float) -> bool:
-        """Whether a measured speed is too far from the estimate to be believed."""
+        """True where a measured speed is too far from the estimate to be believed."""
         return (v - self.v) ** 2 > self._GATE**2 * (self.v_variance + variance)
 
-    def _take_speed(self, reading: WheelReading, entry: tuple[float, int, float, float]) -> bool:
-        """Take in a measured speed that belongs to the newest reading of the wheels taken in."""
+    def _update_speed(self, reading: WheelReading, entry: tuple[float, int, float, float]) -> bool:
+        """Update with a measured speed that belongs to the newest reading of the wheels."""
         t, _, v, variance = entry
         trip = self._trip
         # What it was at the time of the reading.

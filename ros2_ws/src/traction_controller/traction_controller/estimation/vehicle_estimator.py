@@ -270,7 +270,7 @@ class VehicleEstimator:
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """Whether each slip means anything, shape (n,)."""
+        """True where a slip can be used, shape (n,)."""
         return self.slip_filter.valid & (not self._on_the_move)
 
     @property
@@ -290,12 +290,12 @@ class VehicleEstimator:
 
     @property
     def v_valid(self) -> bool:
-        """Whether `v` means anything."""
+        """True where `v` can be used."""
         return self.slip_filter.v_valid and not self._on_the_move
 
     @property
     def source(self) -> Source:
-        """What `v` rests on at present."""
+        """Source of `v` at present."""
         return self.slip_filter.source
 
     @property

@@ -1,4 +1,4 @@
-"""What a wheel on soil that is known by a few factors feels, for estimation.
+"""Quasi-static contact of a wheel on soil that is known by a few factors, for estimation.
 
 The soil under a wheel is the nominal one times three factors, each by its logarithm: strength
 (cohesion and tan(phi)), shear deformation modulus K, and sinkage modulus k. The wheel neither
