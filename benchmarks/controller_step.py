@@ -14,8 +14,9 @@ import pytest
 from ament_index_python.packages import get_package_share_directory
 
 from traction_controller.control.driveline import Differential, Grouping
-from traction_controller.control.laws.law import LAWS
+from traction_controller.control.laws.registry import LAWS
 from traction_controller.control.slip_control import SlipControl
+from traction_controller.control.slip_state import SlipState
 from traction_controller.synthesis.gain_table import read_gain_table
 from traction_model.simulation.drawbar import Drawbar
 from traction_model.simulation.plant import Plant
@@ -55,8 +56,12 @@ def drive():
     for _ in range(1000):
         told.append(
             (
-                0.01, plant.slip, plant.slip_valid, plant.rim_speed.tolist(), plant.v,
-                [4 * load for load in LOADS], plant.shaft_torque.tolist(),
+                0.01,
+                SlipState(
+                    plant.slip, plant.slip_valid, plant.rim_speed.tolist(), plant.v,
+                    [4 * load for load in LOADS],
+                ),
+                plant.shaft_torque.tolist(),
                 (request * min(1.0, plant.t / 3.0)).tolist(),
             )
         )  # fmt: skip

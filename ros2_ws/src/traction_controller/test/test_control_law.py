@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from traction_controller.control.laws.law import LAWS, Reading, make_law
+from traction_controller.control.laws.law import WheelState
+from traction_controller.control.laws.registry import LAWS, make_law
 from traction_model.vehicle.vehicle import load_vehicle
 
 TRACTOR = load_vehicle('tractor_4wd')
@@ -34,23 +35,23 @@ def laws():
     return {name: make_law(name, REAR, LOAD, settings=SETTINGS.get(name)) for name in LAWS}
 
 
-def reading(slip, shaft=3000.0, rim=2.0):
+def told_of(slip, shaft=3000.0, rim=2.0):
     # In steady motion the thrust is what the shaft's torque makes of it.
-    return Reading(slip, rim, rim * (1 - slip), 4 * LOAD, shaft / REAR.radius, shaft)
+    return WheelState(slip, rim, rim * (1 - slip), 4 * LOAD, shaft / REAR.radius, shaft)
 
 
 @pytest.mark.parametrize('name', LAWS)
 def test_nothing_changes_on_target_in_steady_motion(laws, name):
     laws[name].reset()
     for _ in range(300):
-        assert laws[name].torque(reading(0.2), 0.2, 3000.0, 0.01) == pytest.approx(3000.0)
+        assert laws[name].torque(told_of(0.2), 0.2, 3000.0, 0.01) == pytest.approx(3000.0)
 
 
 @pytest.mark.parametrize('name', LAWS)
 def test_first_step_goes_on_from_the_torque_sent(laws, name):
     # Whatever was sent before, and whatever the shaft has of it: without time it stays.
     laws[name].reset()
-    assert laws[name].torque(reading(0.35, shaft=500.0), 0.2, 4321.0, 0.0) == pytest.approx(4321.0)
+    assert laws[name].torque(told_of(0.35, shaft=500.0), 0.2, 4321.0, 0.0) == pytest.approx(4321.0)
 
 
 @pytest.mark.parametrize('name', LAWS)
@@ -59,7 +60,7 @@ def test_slip_above_target_takes_torque_away_and_below_adds_it(laws, name):
         laws[name].reset()
         sent = 3000.0
         for _ in range(10):
-            sent = laws[name].torque(reading(slip), 0.2, sent, 0.01)
+            sent = laws[name].torque(told_of(slip), 0.2, sent, 0.01)
         assert sign * (sent - 3000.0) > 10.0
 
 
@@ -70,14 +71,14 @@ def test_what_was_not_sent_is_not_remembered(laws, name):
     for steps in (100, 60000):
         laws[name].reset()
         for _ in range(steps):
-            laws[name].torque(reading(0.05), 0.2, 3000.0, 0.01)
-        answers.append(laws[name].torque(reading(0.2), 0.2, 3000.0, 0.01))
-    # The sliding mode still takes over the first torque after a second: exp(-1/0.2) of it.
-    assert answers[0] == pytest.approx(answers[1], abs=20.0)
+            laws[name].torque(told_of(0.05), 0.2, 3000.0, 0.01)
+        answers.append(laws[name].torque(told_of(0.2), 0.2, 3000.0, 0.01))
+    # Of the torque taken over a law may have exp(-1/0.1) = 5e-5 left after a second.
+    assert answers[0] == pytest.approx(answers[1], abs=1.0)
 
 
 @given(
-    name=st.sampled_from(LAWS),
+    name=st.sampled_from(list(LAWS)),
     drive=st.lists(
         st.tuples(
             st.floats(-1, 1), st.floats(-20, 20), st.floats(0, 1e7), st.floats(-2e4, 2e4),
@@ -91,7 +92,7 @@ def test_every_answer_is_finite(laws, name, drive):
     law = laws[name]
     law.reset()
     for slip, rim, stiffness, shaft, sent, dt, target in drive:
-        told = Reading(slip, rim, rim, stiffness, shaft / REAR.radius, shaft)
+        told = WheelState(slip, rim, rim, stiffness, shaft / REAR.radius, shaft)
         assert math.isfinite(law.torque(told, target, sent, dt))
         assert all(math.isfinite(gain) for gain in law.gains)
         assert len(law.gains) >= 3
@@ -108,10 +109,9 @@ def test_every_answer_is_finite(laws, name, drive):
         ({'name': 'lqi', 'lag': math.nan}, 'lag must be above 0, got nan'),
         ({'name': 'lqi', 'dt': -0.01}, 'dt must be above 0, got -0.01'),
         ({'name': 'lqi', 'slip': 1.0}, 'slip must be at least 0 and below 1, got 1.0'),
-        ({'name': 'pi', 'settings': {'integral': -1.0}}, 'integral is out of range: -1.0'),
-        ({'name': 'pi', 'settings': {'rim_speed': 0.0}}, 'rim_speed is out of range: 0.0'),
-        ({'name': 'scheduled_pi', 'settings': {'delay': math.nan}}, 'delay is out of range: nan'),
-        ({'name': 'sliding_mode', 'settings': {'reach': 0.0}}, 'reach must be above 0, got 0.0'),
+        ({'name': 'pi', 'settings': {'integral': -1.0}}, 'integral must be above 0, got -1.0'),
+        ({'name': 'pi', 'settings': {'rim_speed': 0.0}}, 'rim_speed must be above 0, got 0.0'),
+        ({'name': 'pi', 'settings': {'delay': math.nan}}, 'delay must be at least 0, got nan'),
     ],
 )  # fmt: skip
 def test_refused(arguments, reason):

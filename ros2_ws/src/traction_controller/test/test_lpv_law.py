@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from traction_controller.control.laws.law import Reading
+from traction_controller.control.laws.law import WheelState
 from traction_controller.control.laws.lpv import LpvLaw
 from traction_controller.synthesis.slip_loop import (
     ERROR,
@@ -41,7 +41,7 @@ def law(*gains, **settings):
 def test_steps_by_hand():
     # r 0.85 m, no friction: the soil's moment is 0.85*1000 = 850 N*m; no acceleration.
     made, table = law(1000.0, 0.5, 0.2, 0.1)
-    told = Reading(
+    told = WheelState(
         slip=0.1,
         rim_speed=1.7,
         speed=1.53,
@@ -60,7 +60,7 @@ def test_steps_by_hand():
 
 def test_acceleration_takes_its_own_torque():
     made, _ = law(0.0, 0.0, acceleration_time=1e-6, takeover_time=1e-6)
-    told = Reading(rim_speed=1.7, speed=1.0)
+    told = WheelState(rim_speed=1.7, speed=1.0)
     made.torque(told, 0.2, 0.0, 0.01)
     # From 1.0 to 1.01 m/s in 0.01 s: 1 m/s^2. J*omega*v'/v = 60*2/1.01 N*m.
     told.speed = 1.01
@@ -85,7 +85,7 @@ def test_law_and_loop_are_the_same():
     # All torques less a measured moment that stands still in these coordinates.
     sent = 5000.0
     for _ in range(100):
-        told = Reading(
+        told = WheelState(
             slip=0.15 + x[ERROR], rim_speed=rim, speed=rim * (1 - slip), stiffness=stiffness,
             gross_traction=5000.0 / REAR.radius, shaft_torque=5000.0 + x[TORQUE] * scale,
         )  # fmt: skip

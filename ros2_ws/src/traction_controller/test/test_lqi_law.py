@@ -2,7 +2,7 @@
 
 import pytest
 
-from traction_controller.control.laws.law import Reading
+from traction_controller.control.laws.law import WheelState
 from traction_controller.control.laws.lqi import LqiLaw
 from traction_model.vehicle.vehicle import load_vehicle
 
@@ -13,7 +13,7 @@ LOADS = [float(load) for load in TRACTOR.static_loads()]
 def test_two_steps_by_hand():
     law = LqiLaw(TRACTOR.wheels[3], LOADS[3], slip=0.2, lag=0.1, dt=0.01)
     slip_gain, torque_gain, integral_gain = law.schedule.at(2.0, 5e4)
-    told = Reading(slip=0.25, rim_speed=2.0, stiffness=5e4, shaft_torque=2800.0)
+    told = WheelState(slip=0.25, rim_speed=2.0, stiffness=5e4, shaft_torque=2800.0)
     sent = law.torque(told, 0.2, 3000.0, 0.01)
     assert sent == pytest.approx(3000.0 - 0.05 * 0.01 * integral_gain)
     told.slip, told.shaft_torque = 0.27, 2900.0

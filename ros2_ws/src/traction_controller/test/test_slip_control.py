@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from traction_controller.control.exit_reason import ExitReason, LimitStatus
 from traction_controller.control.slip_control import Mode, SlipControl
+from traction_controller.control.slip_state import SlipState
 from traction_model.vehicle.vehicle import load_vehicle
 
 RIG = load_vehicle('single_wheel_rig')
@@ -34,10 +35,8 @@ def step(control, slips, requests, *, valid=True, rims=2.0, speed=0.0, shaft=0.0
     def each(value):
         return [value] * 4 if np.ndim(value) == 0 else list(value)
 
-    return control.step(
-        dt, each(slips), each(valid), each(rims), speed, STIFFNESS, each(shaft),
-        None if requests is None else each(requests),
-    )  # fmt: skip
+    state = SlipState(each(slips), each(valid), each(rims), speed, STIFFNESS)
+    return control.step(dt, state, each(shaft), None if requests is None else each(requests))
 
 
 @given(
@@ -243,7 +242,7 @@ def test_hold_gives_no_torque_without_a_request(control):
 def test_hold_torque_of_each_wheel():
     control = SlipControl(RIG, 0.2, Mode.HOLD, hold_torque=[700.0])
     for _ in range(200):
-        [outcome] = control.step(DT, [0.0], [True], [2.0], 2.0, [2e4], [700.0], [1.0])
+        [outcome] = control.step(DT, SlipState([0.0], [True], [2.0], 2.0, [2e4]), [700.0], [1.0])
     assert outcome.torque == 700.0
     with pytest.raises(ValueError, match='hold_torque has 2 entries for 1 wheels'):
         SlipControl(RIG, 0.2, hold_torque=[700.0, 800.0])

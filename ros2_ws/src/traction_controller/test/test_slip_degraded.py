@@ -7,8 +7,9 @@ import pytest
 
 from traction_controller.control.driveline import Differential, Grouping
 from traction_controller.control.exit_reason import ExitReason, LimitStatus
-from traction_controller.control.laws.law import LAWS
+from traction_controller.control.laws.registry import LAWS
 from traction_controller.control.slip_control import Degraded, Mode, SlipControl
+from traction_controller.control.slip_state import SlipState
 from traction_model.vehicle.vehicle import load_vehicle
 
 TRACTOR = load_vehicle('tractor_4wd')
@@ -38,10 +39,9 @@ def drive(control, wheels, seconds, *, lost=None, valid=(True,) * 4, **more):
         shaft = wheels.shaft
         if lost is not None:
             shaft = [math.nan if j in lost else torque for j, torque in enumerate(shaft)]
-        outcomes = control.step(
-            DT, slips, list(valid), [1.6 / (1 - slip) for slip in slips], 1.6, wheels.stiffness,
-            shaft, [15000.0] * 4, **more,
-        )  # fmt: skip
+        rims = [1.6 / (1 - slip) for slip in slips]
+        state = SlipState(slips, list(valid), rims, 1.6, wheels.stiffness, **more)
+        outcomes = control.step(DT, state, shaft, [15000.0] * 4)
         torques = [outcome.torque for outcome in outcomes]
         wheels.advance(np.array(torques))
         rows.append([*wheels.slips, *torques])
@@ -58,8 +58,10 @@ def test_without_radar_the_target_is_lower(control, linear_wheels, deviation, ta
     wheels = linear_wheels()
     drive(control, wheels, 5.0)
     before = control.outcomes[3].torque
-    deviations = None if deviation is None else [deviation] * 4
-    slips, torques = drive(control, wheels, 10.0, speed_measured=False, deviations=deviations)
+    slips, torques = drive(
+        control, wheels, 10.0, speed_measured=False,
+        slip_deviation=None if deviation is None else [deviation] * 4,
+    )  # fmt: skip
     assert torques[0, 3] == pytest.approx(before, rel=0.02)
     assert slips[-1] == pytest.approx([target] * 4, abs=2e-3)
     for outcome in control.outcomes:
@@ -75,9 +77,8 @@ def test_without_radar_the_target_is_lower(control, linear_wheels, deviation, ta
 
 def test_least_target_without_radar():
     control = SlipControl(TRACTOR, 0.012)
-    control.step(
-        DT, [0.0] * 4, [True] * 4, [2.0] * 4, 2.0, LOADS, None, [1.0] * 4, speed_measured=False
-    )  # fmt: skip
+    state = SlipState([0.0] * 4, [True] * 4, [2.0] * 4, 2.0, LOADS, speed_measured=False)
+    control.step(DT, state, None, [1.0] * 4)
     assert control.outcomes[0].slip_target == SlipControl.MIN_TARGET
 
 
@@ -115,10 +116,10 @@ def test_without_any_tachometer_the_request_passes(control, linear_wheels):
 def test_without_any_slip_and_without_speed_torque_only_falls(control, linear_wheels):
     drive(control, linear_wheels(), 5.0)
     before = [outcome.torque for outcome in control.outcomes]
-    arguments = (0.01, [0.2] * 4, [False] * 4, [3.0] * 4, 2.4, [1e5] * 4, None)
+    state = SlipState([0.2] * 4, [False] * 4, [3.0] * 4, 2.4, [1e5] * 4, speed_measured=False)
     for request in (15000.0, 100.0, 15000.0):
         for _ in range(100):
-            outcomes = control.step(*arguments, [request] * 4, speed_measured=False)
+            outcomes = control.step(0.01, state, None, [request] * 4)
     assert before[0] > 100.0
     assert [outcome.torque for outcome in outcomes] == [100.0] * 4
 

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from traction_controller.control.driveline import Differential, Grouping
-from traction_controller.control.laws.law import LAWS
+from traction_controller.control.laws.registry import LAWS
 from traction_controller.control.slip_control import Mode, SlipControl
+from traction_controller.control.slip_state import SlipState
 from traction_controller.synthesis.gain_table import read_gain_table
 from traction_model.contact.contact import shear_deficit
 from traction_model.simulation.drawbar import Drawbar
@@ -57,9 +58,11 @@ def onto_the_patch(control, *, locked=(), pull=13000.0, shaft=True):
     rows, entered = [], None
     for _ in range(round(20.0 / DT)):
         measured = torques if locked else plant.shaft_torque
+        state = SlipState(
+            plant.slip, plant.slip_valid, plant.rim_speed.tolist(), plant.v, stiffnesses(plant)
+        )
         outcomes = control.step(
-            DT, plant.slip, plant.slip_valid, plant.rim_speed.tolist(), plant.v,
-            stiffnesses(plant), measured.tolist() if shaft else None,
+            DT, state, measured.tolist() if shaft else None,
             (REQUEST * min(1.0, plant.t / 3.0)).tolist(),
         )  # fmt: skip
         sent = np.array([outcome.torque for outcome in outcomes])

@@ -2,7 +2,8 @@
 
 from traction_controller.control.driveline import Differential, Grouping
 from traction_controller.control.exit_reason import ExitReason, LimitStatus
-from traction_controller.control.laws.law import LAWS, Reading, SlipLaw, make_law
+from traction_controller.control.laws.law import SlipLaw, WheelState
+from traction_controller.control.laws.registry import LAWS, make_law
 from traction_controller.control.slip_control import (
     Degraded,
     Mode,
@@ -10,6 +11,8 @@ from traction_controller.control.slip_control import (
     TargetSource,
     WheelOutcome,
 )
+from traction_controller.control.slip_controller import SlipController
+from traction_controller.control.slip_state import SlipState
 from traction_controller.estimation.gnss import GnssTrack
 from traction_controller.estimation.immobilisation import Immobilisation
 from traction_controller.estimation.odometry import PathOdometry
@@ -34,14 +37,16 @@ __all__ = [
     'Mode',
     'PathOdometry',
     'RadiusCalibration',
-    'Reading',
     'RollingRadius',
     'SlipControl',
+    'SlipController',
     'SlipFilter',
     'SlipLaw',
+    'SlipState',
     'Source',
     'TargetSource',
     'VehicleEstimator',
     'WheelOutcome',
+    'WheelState',
     'make_law',
 ]

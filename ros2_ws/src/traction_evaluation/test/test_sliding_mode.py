@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from traction_controller.control.laws.law import Reading
+from traction_controller.control.laws.law import WheelState
 from traction_evaluation.baselines.sliding_mode import SlidingModeLaw
 from traction_model.vehicle.vehicle import load_vehicle
 
@@ -39,7 +39,7 @@ EQUIVALENT = 3468.0
     ],
 )
 def test_torque_once_taken_over(law, slip, torque):
-    told = Reading(slip, rim_speed=1.7, gross_traction=4000.0)
+    told = WheelState(slip, rim_speed=1.7, gross_traction=4000.0)
     for _ in range(1000):
         found = law.torque(told, 0.2, 0.0, 0.01)
     assert found == pytest.approx(torque)
@@ -47,7 +47,7 @@ def test_torque_once_taken_over(law, slip, torque):
 
 
 def test_another_torque_is_given_up_with_its_time_constant(law):
-    told = Reading(0.2, rim_speed=1.7, gross_traction=4000.0)
+    told = WheelState(0.2, rim_speed=1.7, gross_traction=4000.0)
     first = law.torque(told, 0.2, 5468.0, 0.0)
     assert first == pytest.approx(5468.0)
     for _ in range(20):

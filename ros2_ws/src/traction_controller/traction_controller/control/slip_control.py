@@ -10,7 +10,7 @@ known, its torque may only fall.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 from typing import Any
@@ -22,7 +22,9 @@ from traction_controller.control.driveline import (
     wheel_groups,
 )
 from traction_controller.control.exit_reason import OPERATOR_CONTROLLED, ExitReason, LimitStatus
-from traction_controller.control.laws.law import Reading, SlipLaw, make_law
+from traction_controller.control.laws.law import SlipLaw, WheelState
+from traction_controller.control.laws.registry import LAWS, make_law
+from traction_controller.control.slip_state import SlipState
 from traction_model.slip import MIN_SPEED
 from traction_model.slip import slip as slip_of
 from traction_model.vehicle.vehicle import Vehicle
@@ -135,10 +137,12 @@ class SlipControl:
     dt : float
         Nominal sampling period, s, above 0.
     law : str
-        Name of the control law, see `traction_controller.control.laws.law.LAWS`.
+        Name of the control law, one of `laws`.
     settings : mapping of str, optional
         Settings of laws: for each name of a law its arguments by name, in their own units; a
         mapping in place of an argument has that of every wheel, by the wheel's name.
+    laws : mapping of str to class
+        Classes of the laws to choose from, by name; an evaluation adds its baselines.
     hold_torque : float or sequence of float
         Largest torque in HOLD of every wheel, or of each, N*m, above 0: what the gate lets
         through.
@@ -181,6 +185,8 @@ class SlipControl:
 
     MIN_TARGET = 0.01
     MAX_TARGET = 0.9
+    # Slip stiffness before one is known, in static loads.
+    _FIRST_STIFFNESS = 5.0
     # Time in which a wheel that left control goes back to its request, and in which torques that
     # another grouping left go over to the new one's, s.
     _RELEASE_TIME = 0.5
@@ -200,6 +206,7 @@ class SlipControl:
         dt: float = 0.01,
         law: str = 'lqi',
         settings: Mapping[str, Mapping[str, Any]] | None = None,
+        laws: Mapping[str, Callable[..., SlipLaw]] = LAWS,
         hold_torque: float | Sequence[float] = 10000.0,
         torque_rate: float | Sequence[float] = math.inf,
         min_speed: float = MIN_SPEED,
@@ -222,7 +229,8 @@ class SlipControl:
         self._friction = [wheel.viscous_friction / wheel.radius for wheel in vehicle.wheels]
         self._settings = dict(settings or {})
         self._mode = mode
-        self._reading = Reading()
+        self._law_classes = dict(laws)
+        self._reading = WheelState()
         self.outcomes = [WheelOutcome() for _ in range(self._n)]
         self._groups: list[_Group] = []
         self._made: dict[str, list[SlipLaw]] = {}
@@ -271,10 +279,11 @@ class SlipControl:
 
     def reset(self) -> None:
         """Forget the past: no torque sent, no slip seen, no fault, no change."""
-        for outcome in self.outcomes:
-            outcome.__init__()  # type: ignore[misc]
+        self.outcomes[:] = [WheelOutcome() for _ in range(self._n)]
         for group in self._groups:
             group.reset()
+        # Until it is known: soil stiff enough to be careful with.
+        self._stiffness: Sequence[float] = [self._FIRST_STIFFNESS * load for load in self._loads]
         # What the shafts should have of what was sent.
         self._expected = [0.0] * self._n
         self._shaft = [0.0] * self._n
@@ -345,7 +354,7 @@ class SlipControl:
             self._made[law] = [
                 make_law(
                     law, wheel, load, slip=self._made_for, lag=self._lag, dt=self._dt,
-                    settings=self._settings_of(law, name),
+                    settings=self._settings_of(law, name), laws=self._law_classes,
                 )
                 for name, wheel, load in zip(
                     self._names, self.vehicle.wheels, self._loads, strict=True
@@ -422,59 +431,38 @@ class SlipControl:
     def step(
         self,
         dt: float,
-        slips: Sequence[float],
-        valid: Sequence[bool],
-        rim_speeds: Sequence[float],
-        speed: float,
-        stiffnesses: Sequence[float],
-        shaft_torques: Sequence[float] | None,
-        requests: Sequence[float] | None,
-        *,
-        gross_tractions: Sequence[float] | None = None,
-        speed_measured: bool = True,
-        deviations: Sequence[float] | None = None,
+        state: SlipState,
+        shaft_torque: Sequence[float] | None,
+        request: Sequence[float] | None,
     ) -> list[WheelOutcome]:
-        """Find the torque of every wheel from a new slip estimate.
+        """Find the torque of every wheel from a new slip state.
 
         Parameters
         ----------
         dt : float
             Time since the last step, s, at least 0.
-        slips : sequence of float
-            Slip of every wheel, -1 to 1.
-        valid : sequence of bool
-            Whether each slip means anything.
-        rim_speeds : sequence of float
-            r*omega, m/s, forward positive.
-        speed : float
-            Speed over ground, m/s, forward positive.
-        stiffnesses : sequence of float
-            Slip stiffness of every wheel, N, at least 0.
-        shaft_torques : sequence of float or None
-            Measured shaft torque, N*m, forward positive; NaN, or None for all wheels, where it
-            is missing: then what was sent counts, after the lag.
-        requests : sequence of float or None
+        state : SlipState
+            Slip of all wheels and what belongs to it, SI units.
+        shaft_torque : sequence of float or None
+            Measured shaft torque of every wheel, N*m, forward positive; NaN, or None for all
+            wheels, where it is missing: then what was sent counts, after the lag.
+        request : sequence of float or None
             Requested torque of every wheel, N*m, forward positive; None before the first.
-        gross_tractions : sequence of float or None
-            Thrust of every wheel, N, forward positive; None: that of steady motion under the
-            shaft torque.
-        speed_measured : bool
-            Whether a sensor measures the speed over ground. If not, the target is lowered by
-            the standard deviation of slip, by a half at most.
-        deviations : sequence of float or None
-            Standard deviation of every slip, at least 0; unknown (None) counts as large.
 
         Returns
         -------
         list of WheelOutcome
-            `outcomes`; the same objects every time.
+            `outcomes`; the same objects at every step.
         """
-        outcomes, n = self.outcomes, self._n
+        outcomes, n, requests = self.outcomes, self._n, request
+        speed_measured, deviations = state.speed_measured, state.slip_deviation
+        if state.slip_stiffness is not None:
+            self._stiffness = state.slip_stiffness
         before = [(outcome.exit_reason, outcome.degraded) for outcome in outcomes]
         arriving = 1.0 - math.exp(-dt / self._lag)
         for j, outcome in enumerate(outcomes):
             self._expected[j] += arriving * (outcome.torque - self._expected[j])
-            shaft = math.nan if shaft_torques is None else shaft_torques[j]
+            shaft = math.nan if shaft_torque is None else shaft_torque[j]
             outcome.degraded = Degraded.NONE if speed_measured else Degraded.RADAR
             if math.isnan(shaft):
                 shaft = self._expected[j]
@@ -490,10 +478,7 @@ class SlipControl:
             if group.left is not None and not group.left:
                 self._take_over(group, along, reference, shares)
             sent = along * group.sent
-            reason = self._read(
-                group, along, reference, shares, slips, valid, rim_speeds, speed, stiffnesses,
-                gross_tractions,
-            )  # fmt: skip
+            reason = self._read(group, along, reference, shares, state)
             if requests is None:
                 reason = ExitReason.REMOTE_COMMAND_TIMEOUT
             elif along == 0.0:
@@ -644,12 +629,7 @@ class SlipControl:
         along: float,
         reference: int,
         shares: Sequence[float],
-        slips: Sequence[float],
-        valid: Sequence[bool],
-        rim_speeds: Sequence[float],
-        speed: float,
-        stiffnesses: Sequence[float],
-        gross_tractions: Sequence[float] | None,
+        state: SlipState,
     ) -> ExitReason:
         """Put together what the law of a group is told; the reason why that cannot be done.
 
@@ -657,6 +637,8 @@ class SlipControl:
         share counts by what its rim's force would be at the reference.
         """
         reading = self._reading
+        slips, valid, rim_speeds, speed = state.slip, state.valid, state.rim_speed, state.speed
+        stiffnesses, gross_tractions = self._stiffness, state.gross_traction
         radius = self._radii[reference]
         common = self.differential is Differential.LOCKED and len(group.wheels) > 1
         slow = True

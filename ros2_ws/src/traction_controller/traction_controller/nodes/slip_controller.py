@@ -4,50 +4,22 @@ A behaviour runs in a ROS 2 process or in lock step, see `traction_evaluation.re
 """
 
 import math
-from pathlib import Path
 
-from ament_index_python.packages import get_package_share_directory
-
-from traction_controller.control.driveline import (
-    DRIVEN_AXLES,
-    Differential,
-    Grouping,
-    driven_axles,
-)
+from traction_controller.control.driveline import DRIVEN_AXLES, Differential, Grouping
 from traction_controller.control.exit_reason import ExitReason
-from traction_controller.control.laws.law import LAWS
-from traction_controller.control.set_point import SetPoint
-from traction_controller.control.slip_control import Degraded, Mode, SlipControl, TargetSource
+from traction_controller.control.laws.registry import LAWS
+from traction_controller.control.slip_control import Degraded, SlipControl
+from traction_controller.control.slip_controller import SlipController
+from traction_controller.control.slip_state import SlipState
 from traction_controller.estimation.slip_filter import Source
 from traction_controller.synthesis.gain_schedule import ControlWeights
-from traction_controller.synthesis.gain_table import read_gain_table
-from traction_model.soil.soil import load_soil
-from traction_model.vehicle.vehicle import load_vehicle
 from traction_node import diagnostic
 from traction_node.behaviour import Behaviour
-from traction_node.closest import closest
 from traction_node.joints import JointOrder
 from traction_node.parameter import NodeParameter
 from traction_node.stamp import between
 
 _WEIGHTS = ControlWeights()
-
-# Time between two updates of the set-point, s.
-_SET_POINT_PERIOD = 1.0
-
-
-def _gain_table(p):
-    """Path of the gain table: a file, or one that is shipped, else that of the vehicle, if any."""
-    name = p.gain_table
-    if Path(name).suffix in ('.yaml', '.yml'):
-        return Path(name)
-    folder = Path(get_package_share_directory('traction_controller'), 'config', 'gains')
-    shipped = {path.stem: path for path in folder.glob('*.yaml')}
-    if name and name not in shipped:
-        raise ValueError(
-            f"unknown gain table '{name}'{closest(name, shipped)}; or give the path of a .yaml"
-        )
-    return shipped.get(name or p.vehicle)
 
 
 def _names(kind):
@@ -86,7 +58,7 @@ class SlipControllerBehaviour(Behaviour):
             'law',
             default='lpv',
             description='control law',
-            choices=LAWS,
+            choices=tuple(LAWS),
         ),
         NodeParameter(
             'gain_table',
@@ -291,128 +263,35 @@ class SlipControllerBehaviour(Behaviour):
         NodeParameter(
             'pi_response_time',
             default=0.15,
-            description='laws pi and scheduled_pi: response time that the SIMC rules aim at',
+            description='law pi: response time that the SIMC rules aim at',
             unit='s',
             minimum=0.01,
             maximum=10.0,
             read_only=True,
         ),
-        NodeParameter(
-            'sliding_reach',
-            default=0.4,
-            description=(
-                'law sliding_mode: torque beside that which balances the soil, as share '
-                'of static load times radius'
-            ),
-            minimum=1e-3,
-            maximum=10.0,
-            read_only=True,
-        ),
-        NodeParameter(
-            'sliding_boundary_layer',
-            default=0.4,
-            description='law sliding_mode: slip error at which that torque is used to the full',
-            minimum=1e-3,
-            maximum=1.0,
-            read_only=True,
-        ),
     )
-
-    def check_parameters(self, p):
-        """Refuse a vehicle that cannot be loaded, and what does not fit it."""
-        vehicle = load_vehicle(p.vehicle)
-        wheels = len(vehicle.wheels)
-        for name in ('hold_torque', 'torque_rate'):
-            entries = len(getattr(p, name))
-            if entries not in (1, wheels):
-                raise ValueError(f'{name} has {entries} entries for {wheels} wheels')
-        driven_axles(vehicle, p.driven_axles)
-        if _gain_table(p) is None and p.law == 'lpv':
-            raise ValueError(f'law lpv needs a gain_table: none is shipped for {p.vehicle}')
-        if self._control is not None:
-            self._control.prepare(p.law)
-        if p.set_point != 'none':
-            load_soil(p.soil)
-            if p.set_point_low > p.set_point_high:
-                raise ValueError(
-                    f'set_point_low {p.set_point_low} is above set_point_high {p.set_point_high}'
-                )
-
-    def parameters_changed(self, p, names):
-        """Take over mode, target, law and driveline; the command goes on from where it is."""
-        control = self._control
-        if control is None:
-            return
-        control.mode = Mode[p.mode.upper()]
-        control.set_law(p.law)
-        control.set_driveline(
-            Grouping[p.grouping.upper()], Differential[p.differential.upper()], p.driven_axles
-        )
-        # A target that came by topic stands until the parameter is set.
-        if 'slip_target' in names:
-            self._take_target(p.slip_target, TargetSource.PARAMETER)
-        if self._set_point is not None:
-            self._set_point.set_weight(p.set_point_weight)
 
     def __init__(self, host):
         super().__init__(host)
-        self._control = None
-        self._set_point = None
+        self._controller = None
+
+    def check_parameters(self, p):
+        """Refuse a vehicle that cannot be loaded, and what does not fit it."""
+        SlipController.check_parameters(p)
+        if self._controller is not None:
+            self._controller.control.prepare(p.law)
+
+    def parameters_changed(self, p, names):
+        """Take over what may change; the command goes on from where it is."""
+        if self._controller is not None:
+            self._controller.set_parameters(p, names)
 
     def configure(self):
-        """Make the control laws and build the messages."""
-        p = self.host.p
-        vehicle = load_vehicle(p.vehicle)
-        pi = {'response_time': p.pi_response_time}
-        gains = {'proportional': p.pi_proportional, 'integral': p.pi_integral}
-        settings = {
-            'pi': {**pi, **{name: value for name, value in gains.items() if value}},
-            'scheduled_pi': pi,
-            'sliding_mode': {
-                'reach': p.sliding_reach,
-                'boundary_layer': p.sliding_boundary_layer,
-            },
-            'lqi': {
-                'weights': ControlWeights(p.weight_slip, p.weight_integral_time, p.weight_torque)
-            },
-        }
-        table = _gain_table(p)
-        if table is not None:
-            try:
-                settings['lpv'] = {'gain_table': read_gain_table(table, vehicle, 1.0 / p.rate)}
-            except ValueError as error:
-                if p.law == 'lpv' or p.gain_table:
-                    raise
-                self.host.get_logger().info(f'law lpv cannot be chosen: {error}')
-        self._given = p.slip_target, TargetSource.PARAMETER
-        self._control = SlipControl(
-            vehicle,
-            p.slip_target,
-            Mode[p.mode.upper()],
-            lag=p.torque_time_constant,
-            dt=1.0 / p.rate,
-            law=p.law,
-            settings=settings,
-            hold_torque=p.hold_torque,
-            torque_rate=p.torque_rate,
-            min_speed=p.min_speed,
-            grouping=Grouping[p.grouping.upper()],
-            differential=Differential[p.differential.upper()],
-            driven=p.driven_axles,
-        )
-        for law in settings:
-            self._control.prepare(law)
-        if p.set_point != 'none':
-            self._set_point = SetPoint(
-                vehicle,
-                load_soil(p.soil),
-                p.set_point_weight,
-                p.set_point_low,
-                p.set_point_high,
-                p.set_point_rate,
-                p.set_point_time_constant,
-            )
-        names = list(vehicle.wheel_names)
+        """Build the controller and the messages."""
+        self._controller = SlipController.from_parameters(self.host.p)
+        if self._controller.lpv_refused:
+            self.host.get_logger().info(f'law lpv cannot be chosen: {self._controller.lpv_refused}')
+        names = list(self._controller.control.vehicle.wheel_names)
         self._orders = {
             what: JointOrder(names, what, one_for_all=what == 'torque_request effort')
             for what in (
@@ -438,7 +317,7 @@ class SlipControllerBehaviour(Behaviour):
         self._state.header.frame_id = 'base_link'
         self._start_over()
         self.host.subscription('slip_estimate', self._on_slip)
-        if self._set_point is not None:
+        if self._controller.set_point is not None:
             self.host.subscription('terrain_estimate', self._on_terrain)
         self.host.subscription('wheel_states', self._on_wheel_states)
         self.host.subscription('torque_request', self._on_request)
@@ -446,24 +325,19 @@ class SlipControllerBehaviour(Behaviour):
 
     def cleanup(self):
         """Forget control laws and soil."""
-        self._control = None
-        self._set_point = None
+        self._controller = None
 
     def _start_over(self):
-        control = self._control
-        control.set_target(*self._given)
-        control.reset()
-        if self._set_point is not None:
-            self._set_point.reset()
-        # Until it is known: soil stiff enough to be careful with.
-        self._stiffness = [5.0 * float(load) for load in control.vehicle.static_loads()]
-        self._terrain_stamp = None
-        self._shaft_torque = None
-        self._shaft_stamp = None
-        self._request = None
-        self._request_steady = 0.0
-        self._stamp = None
+        self._controller.reset()
+        # Times are counted from the first stamp: differences of small numbers are exact.
+        self._epoch = None
         self._refused = {}
+
+    def _time(self, stamp):
+        """Time of a stamp since the first one, s."""
+        if self._epoch is None:
+            self._epoch = stamp
+        return between(self._epoch, stamp)
 
     def activate(self):
         """Begin without memory of an earlier drive."""
@@ -489,16 +363,9 @@ class SlipControllerBehaviour(Behaviour):
         torque = None
         if len(message.effort):
             torque = self._take('wheel_states effort', message.name, message.effort)
-        self._shaft_torque = torque
-        self._shaft_stamp = message.header.stamp
+        self._controller.wheel_states(self._time(message.header.stamp), torque)
 
     def _on_terrain(self, message):
-        """Move the set-point, now and then: ten terrain estimates a second are more than soil."""
-        stamp = message.header.stamp
-        dt = 0.0 if self._terrain_stamp is None else between(self._terrain_stamp, stamp)
-        if self._terrain_stamp is not None and 0.0 <= dt < _SET_POINT_PERIOD:
-            return
-        self._terrain_stamp = stamp
         names = message.wheel_names
         valid = self._take('terrain_estimate valid', names, message.valid)
         stress = self._take('terrain_estimate max_shear_stress', names, message.max_shear_stress)
@@ -507,84 +374,61 @@ class SlipControllerBehaviour(Behaviour):
         # Not a number where it is not known, so not for JointOrder: looked up in its order.
         modulus = dict(zip(names, message.shear_deformation_modulus, strict=False))
         moduli = [modulus.get(name, math.nan) for name in self._command.name]
-        # After a gap no more than a few periods at once, and none where the clock was set back.
-        dt = min(max(dt, 0.0), 5.0 * _SET_POINT_PERIOD)
-        target = self._set_point.update(dt, self._control.slip_target, stress, valid, moduli)
-        if target is not None:
-            self._control.set_target(target, TargetSource.SET_POINT)
-
-    def _take_target(self, target, source):
-        """Take over a target that is given; while one is sought, keep it for later."""
-        SlipControl.check_target(target)
-        self._given = target, source
-        if self._control.target_source is not TargetSource.SET_POINT:
-            self._control.set_target(target, source)
+        self._controller.terrain_estimate(self._time(message.header.stamp), stress, valid, moduli)
 
     def _on_request(self, message):
         request = self._take('torque_request effort', message.name, message.effort)
         if request is not None:
-            self._request = request
-            self._request_steady = self.host.steady_time()
+            self._controller.torque_request(self.host.steady_time(), request)
 
     def _on_target(self, message):
         try:
-            self._take_target(message.data, TargetSource.TOPIC)
+            self._controller.slip_target(message.data)
         except ValueError as error:
             self._refuse('slip_target', error)
         else:
             self._refused.pop('slip_target', None)
 
-    def _on_slip(self, message):
-        if not self.host.active:
-            return
-        control = self._control
+    def _slip_state(self, message):
+        """Slip state of a message, or None with the reason in the diagnostics."""
         names = message.wheel_names
         slips = self._take('slip_estimate slip', names, message.slip)
         rims = self._take('slip_estimate wheel_based_speed', names, message.wheel_based_speed)
         valid = self._take('slip_estimate valid', names, message.valid)
         if slips is None or rims is None or valid is None:
-            return
-        stamp = message.header.stamp
-        dt = 0.0 if self._stamp is None else between(self._stamp, stamp)
-        # After a gap no more than a few periods of integral action at once, and none where the
-        # clock was set back.
-        dt = min(max(dt, 0.0), 5.0 / self.host.p.rate)
+            return None
         speed = message.ground_based_speed
         if not math.isfinite(speed):
             self._refuse('speed', f'slip_estimate ground_based_speed is {speed}')
-            return
+            return None
         self._refused.pop('speed', None)
-        # An estimator may know no soil; what is known of its stiffness holds on.
-        gross_tractions = None
+        state = SlipState(slips, valid, rims, speed)
+        # An estimator may know no soil.
         if len(message.gross_traction):
-            gross_tractions = self._take(
+            state.gross_traction = self._take(
                 'slip_estimate gross_traction', names, message.gross_traction
             )
         if len(message.slip_stiffness):
-            stiffness = self._take('slip_estimate slip_stiffness', names, message.slip_stiffness)
-            self._stiffness = stiffness or self._stiffness
-        silent = self.host.steady_time() - self._request_steady > self.host.p.request_timeout
-        request = None if silent else self._request
-        measured = message.source != Source.WHEEL
-        deviations = None
-        if not measured:
+            state.slip_stiffness = self._take(
+                'slip_estimate slip_stiffness', names, message.slip_stiffness
+            )
+        state.speed_measured = message.source != Source.WHEEL
+        if not state.speed_measured:
             variances = self._take('slip_estimate slip_variance', names, message.slip_variance)
             if variances is not None:
-                deviations = [math.sqrt(max(variance, 0.0)) for variance in variances]
-        outcomes = control.step(
-            dt,
-            slips,
-            valid,
-            rims,
-            speed,
-            self._stiffness,
-            self._recent_torque(stamp),
-            request,
-            gross_tractions=gross_tractions,
-            speed_measured=measured,
-            deviations=deviations,
-        )
-        self._stamp = stamp
+                state.slip_deviation = [math.sqrt(max(variance, 0.0)) for variance in variances]
+        return state
+
+    def _on_slip(self, message):
+        if not self.host.active:
+            return
+        told = self._slip_state(message)
+        if told is None:
+            return
+        stamp = message.header.stamp
+        controller, control = self._controller, self._controller.control
+        outcomes = controller.slip_estimate(self._time(stamp), self.host.steady_time(), told)
+        request = controller.request
 
         command = self._command
         command.header.stamp = stamp
@@ -605,7 +449,7 @@ class SlipControllerBehaviour(Behaviour):
         state.change_count = control.change_count
         state.slip_target = control.slip_target
         state.wheel_slip_target = [outcome.slip_target for outcome in outcomes]
-        state.slip = slips
+        state.slip = told.slip
         state.torque_request = request or [0.0] * control.n_wheels
         state.torque_command = command.effort
         state.slip_gain = [outcome.gains[0] for outcome in outcomes]
@@ -614,13 +458,6 @@ class SlipControllerBehaviour(Behaviour):
         self._publish_state(state)
         if not self._refused:
             self._report_control(request, outcomes)
-
-    def _recent_torque(self, now):
-        """Shaft torque, if it is not older than `torque_timeout` against now; else None."""
-        torque = self._shaft_torque
-        if torque is None or abs(between(self._shaft_stamp, now)) > self.host.p.torque_timeout:
-            return None
-        return torque
 
     def _report_control(self, request, outcomes):
         mode = self.host.p.mode
@@ -637,7 +474,9 @@ class SlipControllerBehaviour(Behaviour):
             level, said = diagnostic.OK, 'controlling'
             if missing:
                 level, said = diagnostic.WARN, f'controlling {missing.words}'
-            self.host.set_diagnostic(level, said, mode=mode, target=self._control.slip_target)
+            self.host.set_diagnostic(
+                level, said, mode=mode, target=self._controller.control.slip_target
+            )
 
 
 def main():

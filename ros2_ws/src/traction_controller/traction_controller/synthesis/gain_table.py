@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Literal
 
 import yaml
+from ament_index_python.packages import get_package_share_directory
 from pydantic import Field
 
 from traction_controller.synthesis.certificate import Certificate, CertificateError, Margins, check
@@ -20,6 +21,7 @@ from traction_controller.synthesis.slip_loop import slip_pole, torque_scale
 from traction_model.definition import Definition, build, read_yaml
 from traction_model.vehicle.vehicle import Vehicle
 from traction_model.vehicle.wheel import Wheel
+from traction_node.closest import closest
 
 FORMAT: Literal['traction gain table 1'] = 'traction gain table 1'
 """What the files say they are."""
@@ -314,6 +316,37 @@ def read_table_file(path: Path | str, density: int = 1) -> tuple[TableFile, Marg
             'it again with `traction synthesize`'
         )
     return content, found
+
+
+def find_gain_table(name: str, vehicle: str) -> Path | None:
+    """Find the file of a gain table.
+
+    Parameters
+    ----------
+    name : str
+        Path of a YAML file, or name of a table that is shipped; empty: that of the vehicle.
+    vehicle : str
+        Name of the vehicle.
+
+    Returns
+    -------
+    Path or None
+        The file; None where none is named and none is shipped for the vehicle.
+
+    Raises
+    ------
+    ValueError
+        If no table of that name is shipped.
+    """
+    if Path(name).suffix in ('.yaml', '.yml'):
+        return Path(name)
+    folder = Path(get_package_share_directory('traction_controller'), 'config', 'gains')
+    shipped = {path.stem: path for path in folder.glob('*.yaml')}
+    if name and name not in shipped:
+        raise ValueError(
+            f"unknown gain table '{name}'{closest(name, shipped)}; or give the path of a .yaml"
+        )
+    return shipped.get(name or vehicle)
 
 
 def read_gain_table(

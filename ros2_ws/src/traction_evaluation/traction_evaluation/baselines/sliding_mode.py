@@ -1,24 +1,28 @@
-"""Sliding mode: equivalent torque from the estimated thrust, and a boundary layer.
+"""Sliding mode: equivalent torque from the estimated gross traction, and a boundary layer.
 
-The surface is the slip error ``s = slip - target``. On it slip does not change, for which, with
-the vehicle's own acceleration small against that of the wheel, torque must balance the soil:
-``T_eq = r*F + b_f*omega``, F the estimated thrust. Off it the torque is reduced or raised by the
-reach eta, in proportion within the boundary layer phi (J.-J. E. Slotine and W. Li, Applied
+The surface is the slip error ``s = slip - target``. On it slip does not change: with the vehicle's
+own acceleration small against that of the wheel, torque must balance the soil,
+``T_eq = r*F + b_f*omega``, F the estimated gross traction. Off it the torque is reduced or raised
+by the reach eta, in proportion within the boundary layer phi (J.-J. E. Slotine and W. Li, Applied
 Nonlinear Control, 1991, chapter 7):
 
     T = T_eq - eta*sat(s/phi)
 
-As the thrust follows the torque that was really delivered, the law can neither wind up nor be
-left with an error of slip: on a steady surface T_eq is the torque itself.
+As the gross traction follows the torque that was really delivered, the law can neither wind up
+nor be left with an error of slip: on a steady surface T_eq is the torque itself.
 """
 
-import math
-
-from traction_controller.control.laws.law import Reading
+from traction_controller.control.laws.law import (
+    SlipLaw,
+    Takeover,
+    WheelState,
+    checked,
+    soil_moment,
+)
 from traction_model.vehicle.wheel import Wheel
 
 
-class SlidingModeLaw:
+class SlidingModeLaw(SlipLaw):
     """Sliding-mode controller of slip.
 
     Parameters
@@ -65,51 +69,19 @@ class SlidingModeLaw:
         boundary_layer: float = 0.4,
         takeover_time: float = 0.2,
     ) -> None:
-        for name, value in (
-            ('reach', reach),
-            ('boundary_layer', boundary_layer),
-            ('takeover_time', takeover_time),
-        ):
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f'{name} must be above 0, got {value}')
-        self._radius, self._friction = wheel.radius, wheel.viscous_friction
-        self._reach = reach * load * wheel.radius
-        self._layer = boundary_layer
-        self._takeover_time = takeover_time
-        self.gains: tuple[float, ...] = (0.0, 0.0, 0.0)
-        self.reset()
+        self._wheel = wheel
+        self._reach = checked('reach', reach) * load * wheel.radius
+        self._layer = checked('boundary_layer', boundary_layer)
+        self._takeover = Takeover(takeover_time)
 
     def reset(self) -> None:
         """Forget the past: the next step takes over whatever torque was sent."""
-        # What is left of the difference to the torque taken over; None before it is known.
-        self._offset: float | None = None
+        self._takeover.reset()
 
-    def torque(self, reading: Reading, target: float, sent: float, dt: float) -> float:
-        """Find the torque of one step; see `traction_controller.control.laws.law.SlipLaw`.
-
-        Parameters
-        ----------
-        reading : Reading
-            The wheel as it is, SI units.
-        target : float
-            Slip to reach, 0.01 to 0.9.
-        sent : float
-            Torque that was really sent at the last step, N*m.
-        dt : float
-            Time since the last step, s, at least 0.
-
-        Returns
-        -------
-        float
-            Torque wanted, N*m, before limits.
-        """
-        error = (target - reading.slip) / self._layer
+    def torque(self, state: WheelState, target: float, sent: float, dt: float) -> float:
+        """Find the torque of one step, see `SlipLaw.torque`."""
+        error = (target - state.slip) / self._layer
         inside = -1.0 < error < 1.0
         self.gains = (self._reach / self._layer if inside else 0.0, 0.0, 0.0)
-        equivalent = self._radius * reading.gross_traction
-        equivalent += self._friction * abs(reading.rim_speed) / self._radius
-        torque = equivalent + self._reach * min(max(error, -1.0), 1.0)
-        if self._offset is None:
-            self._offset = sent - torque
-        self._offset *= math.exp(-dt / self._takeover_time)
-        return torque + self._offset
+        torque = soil_moment(self._wheel, state) + self._reach * min(max(error, -1.0), 1.0)
+        return self._takeover.torque(torque, sent, dt)

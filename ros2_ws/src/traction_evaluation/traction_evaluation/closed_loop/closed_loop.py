@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from traction_controller.control.slip_control import SlipControl
+from traction_controller.control.slip_state import SlipState
 from traction_controller.estimation.slip_filter import SlipFilter, Source
 from traction_model.contact.contact import shear_deficit
 from traction_model.simulation.plant import Plant
@@ -225,8 +226,6 @@ class ClosedLoop:
         self._radar_every = max(1, round(sensors.radar_period / DT))
         self._stiffness_every = max(1, round(stiffness_period / DT))
         self._under_way = deque([[0.0] * n] * round(delay / DT))
-        # Until the terrain is known: soil stiff enough to be careful with.
-        self._stiffness = [5.0 * float(load) for load in vehicle.static_loads()]
         self._steps = 0
         self._rows: list[list[float]] = []
 
@@ -263,20 +262,23 @@ class ClosedLoop:
                 estimation.radar(stamp, speed, max(self.sensors.radar.noise, 1e-3) ** 2)
         slip_estimate = seen.slip.tolist()
         if self.control is not None:
+            stiffness = None
             if self._steps and self._steps % self._stiffness_every == 0:
-                self._stiffness = seen.slip_stiffness.tolist()
+                stiffness = seen.slip_stiffness.tolist()
             outcomes = self.control.step(
                 DT if self._steps else 0.0,
-                slip_estimate,
-                seen.valid.tolist(),
-                seen.rim_speed.tolist(),
-                seen.v,
-                self._stiffness,
+                SlipState(
+                    slip_estimate,
+                    seen.valid.tolist(),
+                    seen.rim_speed.tolist(),
+                    seen.v,
+                    stiffness,
+                    seen.gross_traction.tolist(),
+                    seen.source is not Source.WHEEL,
+                    np.sqrt(seen.slip_variance).tolist(),
+                ),
                 measured_torque.tolist(),
                 request,
-                gross_tractions=seen.gross_traction.tolist(),
-                speed_measured=seen.source is not Source.WHEEL,
-                deviations=np.sqrt(seen.slip_variance).tolist(),
             )
             command = [outcome.torque for outcome in outcomes]
             target = self.control.slip_target

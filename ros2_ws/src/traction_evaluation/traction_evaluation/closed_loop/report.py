@@ -32,6 +32,7 @@ from traction_controller.control.slip_control import Mode, SlipControl
 from traction_controller.estimation.slip_filter import GUESSED_SOIL, SlipFilter
 from traction_controller.synthesis.certificate import DENSER
 from traction_controller.synthesis.gain_table import read_gain_table, read_table_file
+from traction_evaluation.baselines.laws import ALL_LAWS
 from traction_evaluation.closed_loop import scenario, trial
 from traction_evaluation.closed_loop.closed_loop import DT
 from traction_evaluation.estimation import field_data as field_data
@@ -123,7 +124,7 @@ def _control(controller, mode, target):
         settings[controller.law]['gain_table'] = read_gain_table(controller.table, vehicle, DT)
     return SlipControl(
         vehicle, target, mode, lag=LAG, dt=DT, law=controller.law, settings=settings,
-        hold_torque=hold,
+        laws=ALL_LAWS, hold_torque=hold,
     )  # fmt: skip
 
 

@@ -12,14 +12,18 @@ up; a soil that gives way is answered as soon as its moment falls, whatever the 
 stiffness.
 """
 
-import math
-
-from traction_controller.control.laws.law import Reading
+from traction_controller.control.laws.law import (
+    SlipLaw,
+    Takeover,
+    WheelState,
+    checked,
+    soil_moment,
+)
 from traction_controller.synthesis.gain_table import GainTable
 from traction_model.vehicle.wheel import Wheel
 
 
-class LpvLaw:
+class LpvLaw(SlipLaw):
     """Regulator of slip with the gains of a table.
 
     Parameters
@@ -70,66 +74,35 @@ class LpvLaw:
     ) -> None:
         if gain_table is None:
             raise ValueError("control law 'lpv' needs a gain table: give gain_table")
-        for name, value in (
-            ('takeover_time', takeover_time),
-            ('acceleration_time', acceleration_time),
-        ):
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f'{name} must be above 0, got {value}')
         self._table = gain_table
-        self._radius, self._inertia = wheel.radius, wheel.inertia
-        self._friction = wheel.viscous_friction
-        self._takeover_time = takeover_time
-        self._acceleration_time = acceleration_time
-        self.gains: tuple[float, ...] = (0.0, 0.0, 0.0)
+        self._wheel = wheel
+        self._takeover = Takeover(takeover_time)
+        self._acceleration_time = checked('acceleration_time', acceleration_time)
         self.reset()
 
     def reset(self) -> None:
         """Forget the past: the next step takes over whatever torque was sent."""
-        # What is left of the difference to the torque taken over; None before it is known.
-        self._offset: float | None = None
+        self._takeover.reset()
         self._last_speed: float | None = None
         self._acceleration = 0.0
         # Torques sent, the newest first.
         self._sent: list[float] = []
 
-    def torque(self, reading: Reading, target: float, sent: float, dt: float) -> float:
-        """Find the torque of one step; see `traction_controller.control.laws.law.SlipLaw`.
-
-        Parameters
-        ----------
-        reading : Reading
-            The wheel as it is, SI units.
-        target : float
-            Slip to reach, 0.01 to 0.9.
-        sent : float
-            Torque that was really sent at the last step, N*m.
-        dt : float
-            Time since the last step, s, at least 0.
-
-        Returns
-        -------
-        float
-            Torque wanted, N*m, before limits.
-        """
-        slip_gain, torque_gain, *command_gains = self._table.at(
-            reading.rim_speed, reading.stiffness
-        )
+    def torque(self, state: WheelState, target: float, sent: float, dt: float) -> float:
+        """Find the torque of one step, see `SlipLaw.torque`."""
+        slip_gain, torque_gain, *command_gains = self._table.at(state.rim_speed, state.stiffness)
         self.gains = (slip_gain, torque_gain, 0.0, *command_gains)
-        omega = abs(reading.rim_speed) / self._radius
-        base = self._radius * reading.gross_traction + self._friction * omega
-        base += self._inertia * omega * self._relative_acceleration(abs(reading.speed), dt)
+        omega = abs(state.rim_speed) / self._wheel.radius
+        acceleration = self._relative_acceleration(abs(state.speed), dt)
+        base = soil_moment(self._wheel, state) + self._wheel.inertia * omega * acceleration
         history = self._sent
         history.insert(0, sent)
         del history[len(command_gains) :]
-        torque = base + slip_gain * (target - reading.slip)
-        torque -= torque_gain * (reading.shaft_torque - base)
+        torque = base + slip_gain * (target - state.slip)
+        torque -= torque_gain * (state.shaft_torque - base)
         for gain, command in zip(command_gains, history, strict=False):
             torque -= gain * (command - base)
-        if self._offset is None:
-            self._offset = sent - torque
-        self._offset *= math.exp(-dt / self._takeover_time)
-        return torque + self._offset
+        return self._takeover.torque(torque, sent, dt)
 
     def _relative_acceleration(self, speed: float, dt: float) -> float:
         """v'/v of the vehicle, filtered, 1/s."""

@@ -10,7 +10,7 @@ present rim speed and slip stiffness.
 
 from functools import lru_cache
 
-from traction_controller.control.laws.law import Reading
+from traction_controller.control.laws.law import SlipLaw, WheelState
 from traction_controller.synthesis.gain_schedule import ControlWeights, GainSchedule
 from traction_model.vehicle.vehicle import GRAVITY
 from traction_model.vehicle.wheel import Wheel
@@ -35,7 +35,7 @@ def shared_schedule(
     return GainSchedule(wheel, load, slip, lag, dt, weights, GRAVITY)
 
 
-class LqiLaw:
+class LqiLaw(SlipLaw):
     """Scheduled LQI regulator of slip.
 
     Parameters
@@ -75,35 +75,17 @@ class LqiLaw:
     ) -> None:
         # Rounded, as sums of the same loads may differ in their last digits.
         self.schedule = shared_schedule(wheel, round(load, 6), slip, lag, dt, weights)
-        self.gains: tuple[float, ...] = (0.0, 0.0, 0.0)
         self._last: tuple[float, float] | None = None
 
     def reset(self) -> None:
         """Forget slip and torque of the last step."""
         self._last = None
 
-    def torque(self, reading: Reading, target: float, sent: float, dt: float) -> float:
-        """Find the torque of one step; see `traction_controller.control.laws.law.SlipLaw`.
-
-        Parameters
-        ----------
-        reading : Reading
-            The wheel as it is, SI units.
-        target : float
-            Slip to reach, 0.01 to 0.9.
-        sent : float
-            Torque that was really sent at the last step, N*m.
-        dt : float
-            Time since the last step, s, at least 0.
-
-        Returns
-        -------
-        float
-            Torque wanted, N*m, before limits.
-        """
-        self.gains = self.schedule.at(reading.rim_speed, reading.stiffness)
+    def torque(self, state: WheelState, target: float, sent: float, dt: float) -> float:
+        """Find the torque of one step, see `SlipLaw.torque`."""
+        self.gains = self.schedule.at(state.rim_speed, state.stiffness)
         slip_gain, torque_gain, integral_gain = self.gains
-        slip, shaft = reading.slip, reading.shaft_torque
+        slip, shaft = state.slip, state.shaft_torque
         torque = sent + integral_gain * (target - slip) * dt
         if self._last is not None:
             last_slip, last_shaft = self._last

@@ -1,4 +1,4 @@
-"""PI laws: what a tractor may have today, with fixed gains, and with gains that follow the soil.
+"""PI law with fixed gains, as tractors have it today.
 
 In velocity form, with the proportional part on slip alone, so that a new target makes no bump:
 
@@ -16,7 +16,7 @@ with K the gain, tau the lag of the model and tau_c the response time wanted.
 
 import math
 
-from traction_controller.control.laws.law import Reading
+from traction_controller.control.laws.law import SlipLaw, WheelState, checked
 from traction_model.lpv.slip_dynamics import slip_dynamics
 from traction_model.vehicle.vehicle import GRAVITY
 from traction_model.vehicle.wheel import Wheel
@@ -57,13 +57,7 @@ def simc_gains(
     return proportional, proportional / min(time, 4 * (response_time + delay))
 
 
-def _checked(name: str, value: float, allowed: bool) -> float:
-    if not (math.isfinite(value) and allowed):
-        raise ValueError(f'{name} is out of range: {value}')
-    return value
-
-
-class PiLaw:
+class PiLaw(SlipLaw):
     """PI controller of slip with fixed gains.
 
     Parameters
@@ -116,23 +110,37 @@ class PiLaw:
         delay: float = 0.03,
         response_time: float = 0.15,
     ) -> None:
-        _checked('rim_speed', rim_speed, rim_speed > 0)
-        _checked('stiffness', stiffness, stiffness > 0)
-        _checked('delay', delay, delay >= 0)
-        _checked('response_time', response_time, response_time > 0)
+        checked('rim_speed', rim_speed)
+        checked('stiffness', stiffness)
+        if not (math.isfinite(delay) and delay >= 0):
+            raise ValueError(f'delay must be at least 0, got {delay}')
+        checked('response_time', response_time)
         self._wheel, self._mass, self._slip = wheel, load / GRAVITY, slip
         self._lag, self._delay, self._response_time = lag, delay, response_time
-        gains = list(self._tuned(rim_speed, stiffness * load))
+        gains = list(self.tuned(rim_speed, stiffness * load))
         for k, (name, given) in enumerate(
             (('proportional', proportional), ('integral', integral))
         ):
             if given is not None:
-                gains[k] = _checked(name, given, given > 0) * load * wheel.radius
-        self.gains: tuple[float, ...] = (gains[0], 0.0, gains[1])
+                gains[k] = checked(name, given) * load * wheel.radius
+        self.gains = (gains[0], 0.0, gains[1])
         self._last: float | None = None
 
-    def _tuned(self, rim_speed: float, stiffness: float) -> tuple[float, float]:
-        """Gains by the SIMC rules at an operating point."""
+    def tuned(self, rim_speed: float, stiffness: float) -> tuple[float, float]:
+        """Gains by the SIMC rules at an operating point.
+
+        Parameters
+        ----------
+        rim_speed : float
+            r*omega, m/s, above 0.
+        stiffness : float
+            Slip stiffness, N, at least 0.
+
+        Returns
+        -------
+        proportional, integral : float
+            N*m and N*m/s.
+        """
         a, b = slip_dynamics(self._wheel, self._mass, rim_speed, stiffness, self._slip)
         return simc_gains(a, b, self._lag, self._delay, self._response_time)
 
@@ -140,102 +148,10 @@ class PiLaw:
         """Forget the slip of the last step."""
         self._last = None
 
-    def torque(self, reading: Reading, target: float, sent: float, dt: float) -> float:
-        """Find the torque of one step; see `traction_controller.control.laws.law.SlipLaw`.
-
-        Parameters
-        ----------
-        reading : Reading
-            The wheel as it is, SI units.
-        target : float
-            Slip to reach, 0.01 to 0.9.
-        sent : float
-            Torque that was really sent at the last step, N*m.
-        dt : float
-            Time since the last step, s, at least 0.
-
-        Returns
-        -------
-        float
-            Torque wanted, N*m, before limits.
-        """
-        slip = reading.slip
-        torque = sent + self.gains[2] * (target - slip) * dt
+    def torque(self, state: WheelState, target: float, sent: float, dt: float) -> float:
+        """Find the torque of one step, see `SlipLaw.torque`."""
+        torque = sent + self.gains[2] * (target - state.slip) * dt
         if self._last is not None:
-            torque -= self.gains[0] * (slip - self._last)
-        self._last = slip
+            torque -= self.gains[0] * (state.slip - self._last)
+        self._last = state.slip
         return torque
-
-
-class ScheduledPiLaw(PiLaw):
-    """PI controller of slip, its gains by the SIMC rules at the present speed and stiffness.
-
-    Parameters
-    ----------
-    wheel : Wheel
-        The wheel.
-    load : float
-        Its static load, N, above 0.
-    slip : float
-        Slip at which the model is linearised, at least 0 and below 1.
-    lag : float
-        Time constant from commanded to shaft torque, s, above 0.
-    dt : float
-        Nominal sampling period, s, above 0.
-    delay, response_time : float
-        As for `simc_gains`, s.
-
-    Raises
-    ------
-    ValueError
-        Naming the argument that is out of range.
-    """
-
-    # From walking pace to road speed, from soil that has all but failed to hard ground: where
-    # the gain schedule of the LQI regulator is computed.
-    _RIM_SPEEDS = (0.3, 12.0)
-    _STIFFNESSES = (0.2, 50.0)
-
-    def __init__(
-        self,
-        wheel: Wheel,
-        load: float,
-        *,
-        slip: float,
-        lag: float,
-        dt: float,
-        delay: float = 0.03,
-        response_time: float = 0.15,
-    ) -> None:
-        super().__init__(
-            wheel, load, slip=slip, lag=lag, dt=dt, delay=delay, response_time=response_time
-        )
-        self._load = load
-
-    def torque(self, reading: Reading, target: float, sent: float, dt: float) -> float:
-        """Find the torque of one step; see `traction_controller.control.laws.law.SlipLaw`.
-
-        Parameters
-        ----------
-        reading : Reading
-            The wheel as it is, SI units.
-        target : float
-            Slip to reach, 0.01 to 0.9.
-        sent : float
-            Torque that was really sent at the last step, N*m.
-        dt : float
-            Time since the last step, s, at least 0.
-
-        Returns
-        -------
-        float
-            Torque wanted, N*m, before limits.
-        """
-        slowest, fastest = self._RIM_SPEEDS
-        softest, stiffest = self._STIFFNESSES
-        proportional, integral = self._tuned(
-            min(max(abs(reading.rim_speed), slowest), fastest),
-            min(max(reading.stiffness, softest * self._load), stiffest * self._load),
-        )
-        self.gains = proportional, 0.0, integral
-        return super().torque(reading, target, sent, dt)
