@@ -24,8 +24,8 @@ from traction_controller.synthesis.gain_table import find_gain_table, read_gain_
 from traction_model.soil.soil import load_soil
 from traction_model.vehicle.vehicle import load_vehicle
 
-# Differences of stamps are rounded to some 1e-13 s; what is due a whole period later is not late.
-_ROUNDING = 1e-6
+# Stamps are whole nanoseconds: to 9 decimals the time between two of them is exact.
+_DECIMALS = 9
 
 
 class SlipController:
@@ -317,8 +317,8 @@ class SlipController:
             return
         dt = 0.0
         if self._terrain_time is not None:
-            dt = t - self._terrain_time
-            if 0.0 <= dt < self.SET_POINT_PERIOD - _ROUNDING:
+            dt = round(t - self._terrain_time, _DECIMALS)
+            if 0.0 <= dt < self.SET_POINT_PERIOD:
                 return
         self._terrain_time = t
         # After a gap no more than a few periods at once, and none where the clock was set back.
@@ -346,7 +346,7 @@ class SlipController:
         list of WheelOutcome
             What was done with each wheel; the same objects at every step.
         """
-        dt = 0.0 if self._slip_time is None else t - self._slip_time
+        dt = 0.0 if self._slip_time is None else round(t - self._slip_time, _DECIMALS)
         self._slip_time = t
         # After a gap no more than a few periods of integral action at once, and none where the
         # clock was set back.
@@ -354,6 +354,7 @@ class SlipController:
         silent = steady_time - self._asked_at > self.request_timeout
         self.request = None if silent else self._asked
         shaft = self._shaft_torque
-        if shaft is not None and abs(t - self._shaft_time) > self.torque_timeout + _ROUNDING:
-            shaft = None
+        if shaft is not None:
+            age = round(abs(t - self._shaft_time), _DECIMALS)
+            shaft = None if age > self.torque_timeout else shaft
         return self.control.step(dt, state, shaft, self.request)

@@ -290,7 +290,9 @@ class SlipControllerBehaviour(Behaviour):
         """Build the controller and the messages."""
         self._controller = SlipController.from_parameters(self.host.p)
         if self._controller.lpv_refused:
-            self.host.get_logger().info(f'law lpv cannot be chosen: {self._controller.lpv_refused}')
+            self.host.get_logger().info(
+                f'law lpv cannot be chosen: {self._controller.lpv_refused}'
+            )
         names = list(self._controller.control.vehicle.wheel_names)
         self._orders = {
             what: JointOrder(names, what, one_for_all=what == 'torque_request effort')
