@@ -14,7 +14,8 @@ from traction_evaluation.baselines.laws import ALL_LAWS, BASELINES
 from traction_evaluation.baselines.scheduled_pi import ScheduledPiLaw
 from traction_evaluation.closed_loop.closed_loop import DT, ClosedLoop, Sensors
 from traction_model.lpv.slip_dynamics import slip_dynamics
-from traction_model.simulation.simulate import Drawbar, Plant
+from traction_model.simulation.drawbar import Drawbar
+from traction_model.simulation.plant import Plant
 from traction_model.soil.soil import load_soil
 from traction_model.soil.terrain import Terrain
 from traction_model.vehicle.vehicle import GRAVITY, load_vehicle
