@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from traction_model.vehicle.wheel import Wheel
-from traction_node.closest import closest
 
 
 @dataclass(slots=True)
