@@ -1,19 +1,16 @@
 """Bags through the real nodes behind the bag player: as in lock step, and as true."""
 
 from contextlib import ExitStack
-from pathlib import Path
 
 import numpy as np
 import pytest
+from recorded_bags import BAGS, NAMES
 
 from traction_evaluation.replay.replay import BEHAVIOURS, parameters_for
 from traction_evaluation.replay.replay import replay as run_replay
 from traction_node.probe import NodeProcess, Probe, executable
 from tractor_io.bags.reader import BagReader
 from tractor_io.bags.repair import cut_bag
-
-BAGS = Path(__file__).parents[1] / 'bags'
-NAMES = sorted(path.parent.name for path in BAGS.glob('*/metadata.yaml'))
 
 
 def parameters_for_bag(path):

@@ -1,16 +1,13 @@
 """All bags through estimator, controller and gate in lock step, by function and by command."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
+from recorded_bags import BAGS, NAMES
 
 from traction_evaluation.estimation.estimate_errors import estimate_errors
 from tractor_io.bags.reader import BagReader
-
-BAGS = Path(__file__).parents[1] / 'bags'
-NAMES = sorted(path.parent.name for path in BAGS.glob('*/metadata.yaml'))
 
 # The radar's noise of 0.05 m/s at the speeds of these runs is 0.012 to 0.04 of slip; the
 # estimator has to do better than that by what it knows of torque and inertia.

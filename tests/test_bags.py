@@ -1,19 +1,15 @@
 """The bags in bags/: complete, small, and what tools/make_bags.py makes of their CSV."""
 
 import lzma
-from pathlib import Path
 
 import numpy as np
 import pytest
+from recorded_bags import BAGS, NAMES
 
 from traction_evaluation.verification import chrono_bags as make_bags
 from traction_evaluation.verification.chrono import CHRONO_RUNS
 from traction_model.vehicle.vehicle import load_vehicle
 from tractor_io.bags.reader import BagReader
-
-ROOT = Path(__file__).resolve().parents[1]
-BAGS = ROOT / 'bags'
-NAMES = sorted(path.parent.name for path in BAGS.glob('*/metadata.yaml'))
 
 
 def stacked(messages, value):

@@ -1,13 +1,12 @@
 """What a user of `ros2 run` meets: every executable, its parameters, and Ctrl-C."""
 
-from pathlib import Path
-
 import pytest
+from recorded_bags import BAGS
 
 from traction_node.probe import NodeProcess, Probe, executable
 from tractor_io.can.interface import free_port
 
-BAG = Path(__file__).parents[1] / 'bags' / 'wheel_low_slip'
+BAG = BAGS / 'wheel_low_slip'
 
 NODES = [
     ('traction_model', 'plant_node', 'plant_node', {'seed': 3}),

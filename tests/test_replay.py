@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from recorded_bags import BAGS, NAMES
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from traction_controller.nodes.slip_estimator import SlipEstimatorBehaviour
@@ -21,10 +22,7 @@ from tractor_io.bags.message_types import typestore
 from tractor_io.bags.reader import BagReader
 from tractor_io.bags.writer import BagWriter
 
-ROOT = Path(__file__).resolve().parents[1]
-BAGS = ROOT / 'bags'
 GOLDEN = Path(__file__).parent / 'golden'
-NAMES = sorted(path.parent.name for path in BAGS.glob('*/metadata.yaml'))
 
 
 def sha256(said):
