@@ -1,6 +1,5 @@
 """Bags as arrays, replayed and drawn, also those of a namespace and those that hold little."""
 
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +8,6 @@ import pytest
 from traction_evaluation.drives.picture import draw
 from traction_evaluation.drives.recording import read_recording
 from traction_evaluation.estimation.estimate_errors import estimate_errors
-from traction_node.probe import executable
 from tractor_io.bags.bag_error import BagError
 from tractor_io.bags.reader import BagReader
 from tractor_io.bags.writer import BagWriter
@@ -62,16 +60,3 @@ def test_a_bag_with_wheels_only_can_be_drawn(tmp_path):
     recording = read_recording(copy(tmp_path / 'bag', topics=['/wheel_states']))
     draw([recording], ['wheels'], tmp_path / 'picture.png')
     assert (tmp_path / 'picture.png').stat().st_size > 0
-
-
-def test_the_bag_may_be_the_working_directory(tmp_path, monkeypatch):
-    monkeypatch.chdir(copy(tmp_path / 'run.2'))
-    done = subprocess.run(
-        [str(executable('traction_bringup', 'traction')), 'plot', '.'],
-        capture_output=True,
-        text=True,
-        timeout=60,
-    )
-    assert (done.returncode, done.stderr) == (0, '')
-    # Beside the bag; a dot in its name is no suffix.
-    assert (tmp_path / 'run.2.png').is_file()
