@@ -13,6 +13,11 @@ steady motion whatever the soil, and the control law is a constant matrix on the
 slip-state form of the LPV model of Agriculture 2024, 14(3), 499, with the soil's moment as a
 measured disturbance. It is not linearised in slip: the soil may do what it likes, p is only how
 its moment answers to slip.
+
+The loop is built here and not from `traction_model.lpv.model.LpvModel`. An `LpvModel` is a whole
+vehicle on a given soil, its matrices exact at each scheduling vector. A certificate must hold on
+any soil, so it takes one wheel and a range of the slip pole p. The laws pi and lqi use only
+`slip_dynamics` and `sampled` of `traction_model.lpv`.
 """
 
 from typing import NamedTuple
