@@ -8,7 +8,7 @@ from rich.console import Console
 
 from traction_bringup.system import tractor
 from traction_node.running_system import RunningSystem
-from tractor_io.can.interface import DEFAULT_PORT, INTERFACES, BusError
+from tractor_io.can.interface import DEFAULT_PORT, find_interface
 
 CHECK_PERIOD = 0.2
 """Time between two looks whether all nodes run, s."""
@@ -35,8 +35,7 @@ def ecu(
     NodeEndedError
         If a node ends by itself.
     """
-    if can not in INTERFACES:
-        raise BusError(f"unknown CAN interface '{can}': there are {', '.join(INTERFACES)}")
+    find_interface(can)
     bus = {
         'interface': can,
         'port': port or DEFAULT_PORT,

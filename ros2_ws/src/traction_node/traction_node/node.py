@@ -26,7 +26,6 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
 
 from traction_node import diagnostic, quality_of_service
-from traction_node.behaviour import Behaviour
 from traction_node.parameter import ParameterError, resolve, unknown
 from traction_node.topics import message_class, topic
 
@@ -425,41 +424,3 @@ class LifecycleHostNode(_HostNode, LifecycleNode):
         """Shut down from whatever state; called by `traction_node.run`."""
         if self._state_machine.current_state[1] in ('unconfigured', 'inactive', 'active'):
             self.trigger_shutdown()
-
-
-class TractionNode(HostNode):
-    """Node that is its own behaviour, for the nodes of tractor_io."""
-
-    LIFECYCLE = False
-    parameter_table = classmethod(Behaviour.parameter_table.__func__)
-    check_parameters = Behaviour.check_parameters
-    parameters_changed = Behaviour.parameters_changed
-    activate = Behaviour.activate
-    cleanup = Behaviour.cleanup
-
-    def __init__(self, **kwargs):
-        super().__init__(type(self), **kwargs)
-
-    def configure(self):
-        """Start."""
-        self.start()
-
-    def deactivate(self):
-        """Stop."""
-        self.stop()
-
-
-class TractionLifecycleNode(LifecycleHostNode):
-    """Node that is its own behaviour, for the nodes of tractor_io."""
-
-    LIFECYCLE = True
-    parameter_table = classmethod(Behaviour.parameter_table.__func__)
-    check_parameters = Behaviour.check_parameters
-    parameters_changed = Behaviour.parameters_changed
-    configure = Behaviour.configure
-    activate = Behaviour.activate
-    deactivate = Behaviour.deactivate
-    cleanup = Behaviour.cleanup
-
-    def __init__(self, **kwargs):
-        super().__init__(type(self), **kwargs)

@@ -151,8 +151,6 @@ def make_node(behaviour: type[Behaviour]) -> HostNode | LifecycleHostNode:
     behaviour : type
         Subclass of `traction_node.behaviour.Behaviour`.
     """
-    if issubclass(behaviour, Node):
-        return behaviour()  # type: ignore[call-arg, return-value]
     return (LifecycleHostNode if behaviour.LIFECYCLE else HostNode)(behaviour)
 
 

@@ -123,5 +123,5 @@ def test_other_frames_change_nothing():
 
 @pytest.mark.parametrize('address', [-1, 254, 255])
 def test_addresses_that_cannot_be_claimed(address):
-    with pytest.raises(ValueError, match='address must be 0 to 253, got'):
+    with pytest.raises(ValueError, match='preferred must be an address of 0 to 253, got'):
         AddressClaim(LOW, address)

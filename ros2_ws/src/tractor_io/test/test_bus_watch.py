@@ -62,7 +62,7 @@ def test_frames_of_others_change_nothing():
     ('arguments', 'text'),
     [
         (({'GBSX': 1},), "unknown message 'GBSX'"),
-        (({'GBSD': 254},), 'source of GBSD must be 0 to 253, got 254'),
+        (({'GBSD': 254},), 'source of GBSD must be an address of 0 to 253, got 254'),
         (({}, 1.0), 'missed must be above 1, got 1'),
         (({}, math.nan), 'missed must be above 1, got nan'),
     ],

@@ -272,7 +272,10 @@ def test_candump_log_is_heard_at_its_pace(tmp_path):
 @pytest.mark.parametrize(
     ('parameters', 'text'),
     [
-        ({'interface': 'canbus'}, "unknown 'canbus', there are socketcan, udp_multicast"),
+        (
+            {'interface': 'canbus'},
+            "unknown CAN interface 'canbus': there are socketcan",
+        ),
         ({'log': 'a.log', 'channel': 'a.log'}, 'is the log that is heard'),
         ({'wheel_names': ['l', 'r'], 'wheel_radii': [0.8, 0.8]}, 'must name four wheels'),
         ({'sources': ['EEC1']}, "expected MESSAGE=ADDRESS, got 'EEC1'"),

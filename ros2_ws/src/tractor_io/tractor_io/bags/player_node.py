@@ -1,13 +1,12 @@
-"""Bag player node: publishes a bag's messages at the times they were recorded."""
+"""Node `bag_player`: publishes a bag's messages at the times they were recorded."""
 
 import threading
-import time
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
+from traction_node.behaviour import Behaviour
 from traction_node.diagnostic import OK, WARN
-from traction_node.node import TractionNode
 from traction_node.parameter import NodeParameter
 from traction_node.run import run
 from traction_node.subscribers import SubscriberWait
@@ -42,7 +41,7 @@ LAG = 0.1
 """Being later than this is reported, s."""
 
 
-class BagPlayerNode(TractionNode):
+class BagPlayerBehaviour(Behaviour):
     """Plays a bag, and ends with it."""
 
     NAME = 'bag_player'
@@ -105,41 +104,45 @@ class BagPlayerNode(TractionNode):
         if not p.bag:
             raise ValueError('parameter "bag" must name a bag')
 
-    def start(self):
-        """Open the bag, make its topics, and begin to play."""
-        self._bag = BagReader(self.p.bag)
-        if self.p.start_offset > self._bag.duration:
+    def configure(self):
+        """Open the bag, and make its topics."""
+        p = self.host.p
+        self._bag = BagReader(p.bag)
+        if p.start_offset > self._bag.duration:
             raise ValueError(
-                f'start_offset {self.p.start_offset} s is beyond the end of {self.p.bag}, '
+                f'start_offset {p.start_offset} s is beyond the end of {p.bag}, '
                 f'which is {self._bag.duration:.3f} s long'
             )
-        if self.p.loop and self.p.start_offset == self._bag.duration:
-            raise ValueError(f'{self.p.bag}: nothing to loop from {self.p.start_offset} s on')
+        if p.loop and p.start_offset == self._bag.duration:
+            raise ValueError(f'{p.bag}: nothing to loop from {p.start_offset} s on')
         self._stopping = threading.Event()
         self._played = 0
-        self._position = self.p.start_offset
+        self._position = p.start_offset
         self._lag = 0.0
-        names = self._bag.find(name for name in self.p.topics if name != ALL)
+        names = self._bag.find(name for name in p.topics if name != ALL)
         left_out = set()
-        if ALL in self.p.topics:
+        if ALL in p.topics:
             left_out = {name for name in self._bag.topics if name.endswith(COMMANDS)} - names
             names = set(self._bag.topics) - left_out
-        if self.p.clock:
+        if p.clock:
             names.discard('/clock')  # two sources of time would contradict each other
         said = f'not played unless named in "topics": {", ".join(sorted(left_out))}'
         if not names:
-            raise ValueError(f'{self.p.bag}: nothing to play' + (f'; {said}' if left_out else ''))
+            raise ValueError(f'{p.bag}: nothing to play' + (f'; {said}' if left_out else ''))
         if left_out:
-            self.get_logger().info(said)
+            self.host.get_logger().info(said)
         self._outputs = {name: self._make_publisher(name) for name in sorted(names)}
         self._clock_publisher = None
-        if self.p.clock:
-            self._clock_publisher = self.create_publisher(Clock, '/clock', 10)
-        self.steady_timer(1.0, self._tell)
+        if p.clock:
+            self._clock_publisher = self.host.node.create_publisher(Clock, '/clock', 10)
+
+    def activate(self):
+        """Begin to play."""
+        self.host.steady_timer(1.0, self._tell)
         self._thread = threading.Thread(target=self._play, name='player')
         self._thread.start()
 
-    def stop(self):
+    def deactivate(self):
         """End playing and close the bag."""
         self._stopping.set()
         self._thread.join()
@@ -151,7 +154,7 @@ class BagPlayerNode(TractionNode):
             kind = message_class(topic.type)
         except (ImportError, AttributeError):
             raise ValueError(
-                f'{self.p.bag}: {name} has type {topic.type}, which is not installed; '
+                f'{self.host.p.bag}: {name} has type {topic.type}, which is not installed; '
                 'choose others with the parameter "topics"'
             ) from None
         # Reliable suits every subscriber, whatever the topic was recorded with, and is what
@@ -160,33 +163,35 @@ class BagPlayerNode(TractionNode):
         if topic.qos.latched:
             qos.durability = DurabilityPolicy.TRANSIENT_LOCAL
             qos.depth = topic.qos.depth
-        return self.create_publisher(kind, name if name in ABSOLUTE else name.lstrip('/'), qos)
+        name = name if name in ABSOLUTE else name.lstrip('/')
+        return self.host.node.create_publisher(kind, name, qos)
 
     def _play(self):
         reason = ''
         try:
-            wait = SubscriberWait(self._outputs, self.p.wait_for_subscribers)
-            while not (wait.over(time.monotonic()) or self._stopping.wait(POLL_TIME)):
+            wait = SubscriberWait(self._outputs, self.host.p.wait_for_subscribers)
+            while not (wait.over(self.host.steady_time()) or self._stopping.wait(POLL_TIME)):
                 pass
             if wait.missing and not self._stopping.is_set():
-                self.get_logger().info(f'playing without subscriber to {", ".join(wait.missing)}')
-            while self._play_once() and self.p.loop:
+                self.host.get_logger().info(
+                    f'playing without subscriber to {", ".join(wait.missing)}'
+                )
+            while self._play_once() and self.host.p.loop:
                 pass
             if not self._stopping.is_set():
-                self.await_delivery(self._outputs.values(), DELIVERY_TIME)
+                self.host.await_delivery(self._outputs.values(), DELIVERY_TIME)
         except BagError as error:
             reason = str(error)
-        self.finish(reason)
-        self.executor.wake()
+        self.host.finish(reason)
 
     def _play_once(self):
         """Play the bag from start to end; False when told to stop."""
-        first = self._bag.start + round(self.p.start_offset * 1e9)
+        first = self._bag.start + round(self.host.p.start_offset * 1e9)
         # Every message is due relative to this one reading of the clock, so nothing drifts.
-        origin = time.monotonic()
-        per_bag_time = 1e-9 / self.p.rate
+        origin = self.host.steady_time()
+        per_bag_time = 1e-9 / self.host.p.rate
         tick = first
-        for message in self._bag.messages(list(self._outputs), self.p.start_offset, raw=True):
+        for message in self._bag.messages(list(self._outputs), self.host.p.start_offset, raw=True):
             while self._clock_publisher and tick <= message.time:
                 if not self._wait_until(origin + (tick - first) * per_bag_time):
                     return False
@@ -205,7 +210,7 @@ class BagPlayerNode(TractionNode):
 
     def _wait_until(self, due):
         """Wait for a time of the steady clock; False when told to stop."""
-        delay = due - time.monotonic()
+        delay = due - self.host.steady_time()
         self._lag = max(0.0, -delay)
         if delay > 0.0:
             return not self._stopping.wait(delay)
@@ -213,10 +218,10 @@ class BagPlayerNode(TractionNode):
 
     def _tell(self):
         late = self._lag > LAG
-        self.set_diagnostic(
+        self.host.set_diagnostic(
             WARN if late else OK,
-            f'this machine is too slow for rate {self.p.rate:g}' if late else 'playing',
-            bag=self.p.bag,
+            f'this machine is too slow for rate {self.host.p.rate:g}' if late else 'playing',
+            bag=self.host.p.bag,
             position_s=round(self._position, 3),
             duration_s=round(self._bag.duration, 3),
             lag_s=round(self._lag, 3),
@@ -226,4 +231,4 @@ class BagPlayerNode(TractionNode):
 
 def main():
     """Entry point of the executable `bag_player`."""
-    return run(BagPlayerNode)
+    return run(BagPlayerBehaviour)

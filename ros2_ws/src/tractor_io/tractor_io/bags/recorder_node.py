@@ -1,4 +1,4 @@
-"""Bag recorder node: writes the suite's topics into an MCAP bag."""
+"""Node `bag_recorder`: writes the suite's topics into an MCAP bag."""
 
 from rcl_interfaces.msg import ParameterEvent
 from rcl_interfaces.srv import GetParameters, ListParameters
@@ -12,8 +12,8 @@ from rclpy.qos import (
     qos_profile_parameter_events,
 )
 
+from traction_node.behaviour import Behaviour
 from traction_node.diagnostic import OK, WARN
-from traction_node.node import TractionNode
 from traction_node.parameter import NodeParameter
 from traction_node.quality_of_service import QOS, Qos
 from traction_node.run import run
@@ -44,7 +44,7 @@ MAX_CHANGES = 100
 """Changes of a node's parameters that are kept, the newest ones."""
 
 
-class BagRecorderNode(TractionNode):
+class BagRecorderBehaviour(Behaviour):
     """Records until it is told to end."""
 
     NAME = 'bag_recorder'
@@ -74,10 +74,10 @@ class BagRecorderNode(TractionNode):
                     f'it has {", ".join(topics())}'
                 )
 
-    def start(self):
+    def activate(self):
         """Make the bag and subscribe."""
         about = {'source': 'recorded by bag_recorder', **versions()}
-        self._writer = BagWriter(self.p.output, about)
+        self._writer = BagWriter(self.host.p.output, about)
         # By node: looks so far and at which to ask; and clients of those that have not answered.
         self._looks = {}
         self._ask_at = {}
@@ -87,32 +87,29 @@ class BagRecorderNode(TractionNode):
         self._to_say = {}
         self._qos = {}
         self._subscriptions_by_name = {}
-        names = topics() if ALL in self.p.topics else map(_table_name, self.p.topics)
+        names = topics() if ALL in self.host.p.topics else map(_table_name, self.host.p.topics)
         for name in dict.fromkeys(names):
             # Reliable as long as all publishers are: see _relax.
             self._qos[name] = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.RELIABLE)
             if topic(name).qos == 'latched':
                 self._qos[name].durability = DurabilityPolicy.TRANSIENT_LOCAL
             self._subscribe(name)
-        self.create_subscription(
+        self.host.node.create_subscription(
             ParameterEvent, '/parameter_events', self._note_changes, qos_profile_parameter_events
         )
-        self.steady_timer(1.0, self._tell)
-        self.steady_timer(FLUSH_PERIOD, self._flush)
-        self.steady_timer(ASK_PERIOD, self._ask_parameters)
+        self.host.steady_timer(1.0, self._tell)
+        self.host.steady_timer(FLUSH_PERIOD, self._flush)
+        self.host.steady_timer(ASK_PERIOD, self._ask_parameters)
         self._tell()
 
-    def stop(self):
+    def deactivate(self):
         """Finish the bag."""
         if self._writer is None:
             return
-        try:
-            self._say()
-            self._writer.close()
-        except BagError as error:
-            raise SystemExit(f'{self.NAME}: {error}') from error
-        self.get_logger().info(
-            f'{self.p.output}: {sum(self._writer.counts.values())} messages recorded'
+        self._say()
+        self._writer.close()
+        self.host.get_logger().info(
+            f'{self.host.p.output}: {sum(self._writer.counts.values())} messages recorded'
         )
 
     def _subscribe(self, name):
@@ -121,7 +118,7 @@ class BagRecorderNode(TractionNode):
         def take(data):
             self._write(name, subscription.topic_name, data)
 
-        subscription = self.create_subscription(
+        subscription = self.host.node.create_subscription(
             message_class(row.type),
             name,
             take,
@@ -141,9 +138,11 @@ class BagRecorderNode(TractionNode):
         elif info.last_policy_kind == QoSPolicyKind.DURABILITY:
             qos.durability = DurabilityPolicy.VOLATILE
         else:
-            self.get_logger().warning(f'{name}: a publisher with other deadlines is not recorded')
+            self.host.get_logger().warning(
+                f'{name}: a publisher with other deadlines is not recorded'
+            )
             return
-        self.destroy_subscription(self._subscriptions_by_name[name])
+        self.host.node.destroy_subscription(self._subscriptions_by_name[name])
         self._subscribe(name)
 
     def _write(self, name, full_name, data):
@@ -153,7 +152,7 @@ class BagRecorderNode(TractionNode):
         try:
             if full_name not in writer.counts:
                 writer.add_topic(full_name, topic(name).type, self._recorded_qos(name))
-            writer.write(full_name, self.get_clock().now().nanoseconds, data)
+            writer.write(full_name, self.host.now(), data)
         except BagError as error:
             self._give_up(error)
 
@@ -167,14 +166,14 @@ class BagRecorderNode(TractionNode):
         except BagError as error:
             self._give_up(error)
             return
-        for name, namespace in self.get_node_names_and_namespaces():
+        for name, namespace in self.host.node.get_node_names_and_namespaces():
             node = f'{namespace.rstrip("/")}/{name}'
             # Hidden nodes are those of tools.
             if self._is_ours(node) and not name.startswith('_') and node not in self._looks:
                 self._looks[node] = self._ask_at[node] = 0
                 self._asking[node] = (
-                    self.create_client(ListParameters, f'{node}/list_parameters'),
-                    self.create_client(GetParameters, f'{node}/get_parameters'),
+                    self.host.node.create_client(ListParameters, f'{node}/list_parameters'),
+                    self.host.node.create_client(GetParameters, f'{node}/get_parameters'),
                 )
         for node, (listing, getting) in list(self._asking.items()):
             self._looks[node] += 1
@@ -228,11 +227,11 @@ class BagRecorderNode(TractionNode):
             self._to_say = {}
 
     def _is_ours(self, node):
-        return node.startswith(self.get_namespace().rstrip('/') + '/')
+        return node.startswith(self.host.node.get_namespace().rstrip('/') + '/')
 
     def _done_asking(self, node):
         for client in self._asking.pop(node):
-            self.destroy_client(client)
+            self.host.node.destroy_client(client)
 
     def _flush(self):
         if self._writer is None:
@@ -245,7 +244,9 @@ class BagRecorderNode(TractionNode):
     def _give_up(self, error):
         self._writer.abort()
         self._writer = None
-        self.finish(f'{error}; the bag ends without index: traction bag repair {self.p.output}')
+        self.host.finish(
+            f'{error}; the bag ends without index: traction bag repair {self.host.p.output}'
+        )
 
     def _recorded_qos(self, name):
         qos = self._qos[name]
@@ -258,9 +259,9 @@ class BagRecorderNode(TractionNode):
     def _tell(self):
         if self._writer is not None:
             counts = self._writer.counts
-            self.set_diagnostic(
+            self.host.set_diagnostic(
                 OK if counts else WARN,
-                f'{"recording" if counts else "nothing yet to record"} to {self.p.output}',
+                f'{"recording" if counts else "nothing yet to record"} to {self.host.p.output}',
                 messages=sum(counts.values()),
                 **counts,
             )
@@ -278,4 +279,4 @@ def _table_name(name):
 
 def main():
     """Entry point of the executable `bag_recorder`."""
-    return run(BagRecorderNode)
+    return run(BagRecorderBehaviour)

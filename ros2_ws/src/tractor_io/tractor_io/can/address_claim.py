@@ -9,7 +9,7 @@ import math
 import random
 from enum import Enum
 
-from tractor_io.can.j1939 import GLOBAL, NULL, Identifier
+from tractor_io.can.j1939 import GLOBAL, NULL, Identifier, check_address
 
 CLAIMED_PGN = 0xEE00
 """Parameter group of a claim, or, from the null address, of having none."""
@@ -125,8 +125,7 @@ class AddressClaim:
     """
 
     def __init__(self, name: int, preferred: int, seed: int = 0) -> None:
-        if not 0 <= preferred < NULL:
-            raise ValueError(f'address must be 0 to {NULL - 1}, got {preferred}')
+        check_address('preferred', preferred)
         self.name = name
         self.state = Claim.NONE
         self.address = NULL

@@ -8,7 +8,7 @@ not come for several of its periods.
 import math
 from collections.abc import Mapping
 
-from tractor_io.can.j1939 import Unknown
+from tractor_io.can.j1939 import Unknown, check_address
 from tractor_io.can.parameter_group import Group, ParameterGroups
 
 
@@ -47,8 +47,7 @@ class BusWatch:
         self._pinned = dict(sources or {})
         for name, source in self._pinned.items():
             groups.identifier(name)
-            if not 0 <= source <= 253:
-                raise ValueError(f'source of {name} must be 0 to 253, got {source}')
+            check_address(f'source of {name}', source)
         self._missed = missed
         # Of every message heard: when, and what.
         self._newest: dict[str, tuple[float, Group]] = {}

@@ -1,17 +1,16 @@
-"""Tractor ECU node: a simulated tractor behind a CAN bus, instead of a real one."""
+"""Node `tractor_ecu`: a simulated tractor behind a CAN bus, instead of a real one."""
 
 import math
-import time
 
 import can
 
+from traction_node.behaviour import Behaviour
 from traction_node.diagnostic import ERROR, OK, WARN
 from traction_node.joints import JointError, JointOrder
-from traction_node.node import TractionNode
 from traction_node.parameter import NodeParameter
 from traction_node.run import run
 from traction_node.stamp import seconds
-from tractor_io.can.bridge_node import DRIVETRAIN_PARAMETERS, make_drivetrain
+from tractor_io.can.drivetrain_parameters import DRIVETRAIN_PARAMETERS, make_drivetrain
 from tractor_io.can.ecu import TractorEcu
 from tractor_io.can.interface import DEFAULT_PORT, INTERFACES, frame, open_bus
 from tractor_io.can.parameter_group import tractor_groups
@@ -20,7 +19,7 @@ MAX_FRAMES = 200
 """Frames taken in between two readings of the wheels: more is a flood."""
 
 
-class TractorEcuNode(TractionNode):
+class TractorEcuBehaviour(Behaviour):
     """Sends what a plant's wheels do as frames, and gives it the torque that the bus leaves it.
 
     Between plant and this node `wheel_states`, `radar` and `wheel_torque` are to be remapped, as
@@ -60,24 +59,28 @@ class TractorEcuNode(TractionNode):
         """Follow the engagement of the front axle."""
         self._ecu.front_engaged = p.front_engaged
 
-    def start(self):
+    def configure(self):
         """Open the bus, and follow plant and driver."""
         self._ecu = TractorEcu(
-            tractor_groups(), self.p.wheel_radii, make_drivetrain(self.p), self.p.front_engaged
+            tractor_groups(),
+            self.host.p.wheel_radii,
+            make_drivetrain(self.host.p),
+            self.host.p.front_engaged,
         )
-        self._can = open_bus(self.p.interface, self.p.channel, self.p.port)
-        names = self.p.wheel_names
+        self._can = open_bus(self.host.p.interface, self.host.p.channel, self.host.p.port)
+        names = self.host.p.wheel_names
         self._speeds = JointOrder(names, 'wheel_states velocity')
         self._efforts = JointOrder(names, 'wheel_states effort')
         self._requests = JointOrder(names, 'torque_request effort', one_for_all=True)
-        self._publisher = self.publisher('wheel_torque')
-        self._output = self._publisher.msg_type(name=list(names))
-        self.subscription('radar', self._on_radar)
-        self.subscription('torque_request', self._on_request)
-        self.subscription('wheel_states', self._on_wheel_states)
-        self.set_diagnostic(OK, 'waiting for the tractor')
+        self._publisher = self.host.publisher('wheel_torque')
+        self._output = self.host.message('wheel_torque')
+        self._output.name = list(names)
+        self.host.subscription('radar', self._on_radar)
+        self.host.subscription('torque_request', self._on_request)
+        self.host.subscription('wheel_states', self._on_wheel_states)
+        self.host.set_diagnostic(OK, 'waiting for the tractor')
 
-    def stop(self):
+    def deactivate(self):
         """Let go of the bus."""
         self._can.shutdown()
 
@@ -90,16 +93,16 @@ class TractorEcuNode(TractionNode):
         try:
             self._ecu.ask(self._requests.values(message.name, message.effort))
         except JointError as error:
-            self.set_diagnostic(WARN, str(error))
+            self.host.set_diagnostic(WARN, str(error))
 
     def _on_wheel_states(self, message):
         try:
             speeds = self._speeds.values(message.name, message.velocity)
             efforts = self._efforts.values(message.name, message.effort)
         except JointError as error:
-            self.set_diagnostic(WARN, str(error))
+            self.host.set_diagnostic(WARN, str(error))
             return
-        now = time.monotonic()
+        now = self.host.steady_time()
         try:
             for _ in range(MAX_FRAMES):
                 heard = self._can.recv(0.0)
@@ -112,13 +115,13 @@ class TractorEcuNode(TractionNode):
             ):
                 self._can.send(frame(identifier, data))
         except (can.CanError, OSError) as error:
-            self.set_diagnostic(ERROR, f'the bus fails: {error}')
+            self.host.set_diagnostic(ERROR, f'the bus fails: {error}')
             return
         limit = self._ecu.limit(now)
         self._output.header.stamp = message.header.stamp
         self._output.effort = self._ecu.wheel_torques(now).tolist()
         self._publisher.publish(self._output)
-        self.set_diagnostic(
+        self.host.set_diagnostic(
             OK,
             'driving' if limit is None else 'limited from the bus',
             limit='none' if limit is None else round(limit, 3),
@@ -128,4 +131,4 @@ class TractorEcuNode(TractionNode):
 
 def main():
     """Entry point of the executable `tractor_ecu`."""
-    return run(TractorEcuNode)
+    return run(TractorEcuBehaviour)

@@ -9,15 +9,36 @@ import socket
 import threading
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import can
 
-INTERFACES = ('socketcan', 'udp_multicast', 'virtual', 'candump')
-"""Names of the interfaces."""
 
-DEFAULT_CHANNELS = {'socketcan': 'can0', 'udp_multicast': '239.74.163.2', 'virtual': 'traction'}
-"""Channel of an interface that none is given for: name of the bus, or multicast address."""
+class Interface(NamedTuple):
+    """Kind of access to a bus.
+
+    Attributes
+    ----------
+    channel : str
+        Channel where none is given: name of the bus, or multicast address.
+    over_udp : bool
+        Has a port, and gives back what was sent.
+    is_log : bool
+        Recorded frames, that is, nothing can be sent.
+    """
+
+    channel: str
+    over_udp: bool = False
+    is_log: bool = False
+
+
+INTERFACES = {
+    'socketcan': Interface('can0'),
+    'udp_multicast': Interface('239.74.163.2', over_udp=True),
+    'virtual': Interface('traction'),
+    'candump': Interface('', is_log=True),
+}
+"""Interfaces by name."""
 
 DEFAULT_PORT = 43113
 """Port of a bus over UDP."""
@@ -25,6 +46,29 @@ DEFAULT_PORT = 43113
 
 class BusError(ValueError):
     """A bus that cannot be opened; the text says which, and why."""
+
+
+def find_interface(name: str) -> Interface:
+    """Look up an interface.
+
+    Parameters
+    ----------
+    name : str
+        One of `INTERFACES`.
+
+    Returns
+    -------
+    Interface
+        Of that name.
+
+    Raises
+    ------
+    BusError
+        Naming those there are.
+    """
+    if name not in INTERFACES:
+        raise BusError(f"unknown CAN interface '{name}': there are {', '.join(INTERFACES)}")
+    return INTERFACES[name]
 
 
 def open_bus(interface: str, channel: str = '', port: int = DEFAULT_PORT) -> can.BusABC:
@@ -49,15 +93,14 @@ def open_bus(interface: str, channel: str = '', port: int = DEFAULT_PORT) -> can
     BusError
         Naming what is not known, or why the bus cannot be opened.
     """
-    if interface not in INTERFACES:
-        raise BusError(f"unknown CAN interface '{interface}': there are {', '.join(INTERFACES)}")
+    kind = find_interface(interface)
     if not 1 <= port <= 65535:
         raise BusError(f'port must be 1 to 65535, got {port}')
-    channel = channel or DEFAULT_CHANNELS.get(interface, '')
-    if interface == 'candump':
+    channel = channel or kind.channel
+    if kind.is_log:
         return CandumpBus(Path(channel))
     options: dict[str, Any] = {}
-    if interface == 'udp_multicast':
+    if kind.over_udp:
         options = {'port': port, 'hop_limit': 0, 'fd': False}
     try:
         return can.Bus(interface=interface, channel=channel, **options)

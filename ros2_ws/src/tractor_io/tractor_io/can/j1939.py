@@ -14,10 +14,32 @@ GLOBAL = 255
 NULL = 254
 """Source address of who has none."""
 
+LAST_ADDRESS = 253
+"""Largest address that a device can have; the smallest is 0."""
+
 LARGEST_IDENTIFIER = 0x1FFFFFFF
 
 # Format bytes from here on go to everybody.
 _BROADCAST_FORMAT = 240
+
+
+def check_address(name: str, address: int) -> None:
+    """Check the address of a device.
+
+    Parameters
+    ----------
+    name : str
+        Named in the error.
+    address : int
+        To be 0 to `LAST_ADDRESS`.
+
+    Raises
+    ------
+    ValueError
+        If no device can have it.
+    """
+    if not 0 <= address <= LAST_ADDRESS:
+        raise ValueError(f'{name} must be an address of 0 to {LAST_ADDRESS}, got {address}')
 
 
 class Unknown(Enum):

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from tractor_io.can.address_claim import CLAIMED_PGN, AddressClaim
 from tractor_io.can.bus_watch import BusWatch
 from tractor_io.can.drivetrain import Drivetrain
-from tractor_io.can.j1939 import Identifier, Unknown
+from tractor_io.can.j1939 import Identifier, Unknown, check_address
 from tractor_io.can.pace import Pace
 from tractor_io.can.parameter_group import Group, ParameterGroups
 from tractor_io.can.torque_limit import HIGHEST, PERIOD, TorqueLimit, with_fraction
@@ -101,8 +101,7 @@ class VehicleBus:
         ):
             if not (math.isfinite(value) and value > 0):
                 raise ValueError(f'{name} must be above 0, got {value}')
-        if not 0 <= engine <= 253:
-            raise ValueError(f'engine must be an address of 0 to 253, got {engine}')
+        check_address('engine', engine)
         self.watch = BusWatch(groups, sources, missed)
         self.claim = claim
         self.front_engaged = front_engaged

@@ -1,0 +1,89 @@
+"""Parameters of wheels and drivetrain: those that both ends of a bus have in common."""
+
+from types import SimpleNamespace
+
+from traction_node.parameter import NodeParameter
+from tractor_io.can.drivetrain import Drivetrain
+
+DRIVETRAIN_PARAMETERS = (
+    NodeParameter(
+        'wheel_names',
+        default=['fl', 'fr', 'rl', 'rr'],
+        description='wheels front left and right, rear left and right',
+        read_only=True,
+    ),
+    NodeParameter(
+        'wheel_radii',
+        default=[0.65, 0.65, 0.85, 0.85],
+        description='their rolling radii',
+        unit='m',
+        minimum=0.01,
+        maximum=5.0,
+        read_only=True,
+    ),
+    NodeParameter(
+        'reference_torque',
+        default=500.0,
+        description='engine torque of 100 %',
+        unit='N·m',
+        minimum=1.0,
+        maximum=1e5,
+        read_only=True,
+    ),
+    NodeParameter(
+        'gear_ratio',
+        default=40.0,
+        description='engine speed over wheel speed',
+        minimum=1e-3,
+        maximum=1e4,
+        read_only=True,
+    ),
+    NodeParameter(
+        'efficiency',
+        default=0.9,
+        description='torque at the wheels over ratio and engine torque',
+        minimum=0.01,
+        maximum=1.0,
+        read_only=True,
+    ),
+    NodeParameter(
+        'front_share',
+        default=0.3,
+        description='share of torque of the front axle while engaged',
+        minimum=0.0,
+        maximum=0.99,
+        read_only=True,
+    ),
+    NodeParameter(
+        'front_engaged',
+        default=True,
+        description='whether the front axle is driven',
+    ),
+)
+"""Parameters of wheels and drivetrain."""
+
+
+def make_drivetrain(p: SimpleNamespace) -> Drivetrain:
+    """Drivetrain of the parameters of a node.
+
+    Parameters
+    ----------
+    p : types.SimpleNamespace
+        Values of `DRIVETRAIN_PARAMETERS`, SI units.
+
+    Returns
+    -------
+    Drivetrain
+        Of four wheels, front and rear.
+
+    Raises
+    ------
+    ValueError
+        Naming what does not fit together.
+    """
+    if len(p.wheel_names) != len(p.wheel_radii) or len(set(p.wheel_names)) != len(p.wheel_names):
+        raise ValueError('parameter "wheel_radii" must give one radius for each of "wheel_names"')
+    if len(p.wheel_names) != 4:
+        raise ValueError('parameter "wheel_names" must name four wheels, as HRW tells of four')
+    front = (True, True, False, False)
+    return Drivetrain(front, p.reference_torque, p.gear_ratio, p.efficiency, p.front_share)
