@@ -17,7 +17,7 @@ PATHS = sorted(
         for name in QUOTED
         for part in name.split()
         if ('/' in part or re.fullmatch(r'[\w-]+\.(md|py|xml|yaml)', part))
-        and not part.startswith('.venv')
+        and '.venv' not in part
     }
 )
 IN_PACKAGES = ('config/', 'nodes/', 'test/', 'setup.py', 'package.xml')
