@@ -16,8 +16,7 @@ PATHS = sorted(
         part
         for name in QUOTED
         for part in name.split()
-        if ('/' in part or re.fullmatch(r'[\w-]+\.(md|py|xml|yaml)', part))
-        and '.venv' not in part
+        if ('/' in part or re.fullmatch(r'[\w-]+\.(md|py|xml|yaml)', part)) and '.venv' not in part
     }
 )
 IN_PACKAGES = ('config/', 'nodes/', 'test/', 'setup.py', 'package.xml')
