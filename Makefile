@@ -1,5 +1,8 @@
 # Interpreter to set up with (CPython 3.11 to 3.13); empty: the newest found.
 PYTHON ?=
+# Folder of the field data, which may not be copied into the project; empty: their sections stay.
+FIELD_DATA ?=
+FIELD_OPTION = $(if $(FIELD_DATA),--field-data $(FIELD_DATA))
 
 STEPS := benchmarks/controller_step.py benchmarks/estimator_step.py
 
@@ -26,10 +29,10 @@ fuzz: setup  ## A million fuzzed CAN frames, 100,000 damaged bags, YAML and CSV 
 	@TRACTION_FUZZ_SHARE=1 .venv/bin/python -m pytest -s --tb=short tests/test_fuzz.py
 
 verify: setup  ## Compare the model with Chrono, the paper and wheel tests: docs/verification.md
-	@.venv/bin/python -m traction_evaluation.verification.report
+	@.venv/bin/traction verify $(FIELD_OPTION)
 
 evaluate: setup  ## Slip control in closed loop over 2,048 draws, and estimation: docs/control.md
-	@.venv/bin/python -m traction_evaluation.closed_loop.report
+	@.venv/bin/traction evaluate $(FIELD_OPTION)
 
 bench: setup  ## Times of a step of control and estimation; the model's speed against scipy and Octave
 	@.venv/bin/python -m pytest --benchmark-only --benchmark-columns=median,min,max,rounds $(STEPS)
@@ -54,7 +57,7 @@ docs: setup  ## Write parameter files and the READMEs' parameter tables from the
 	@.venv/bin/python -m traction_bringup.parameter_docs ros2_ws/src
 
 bags: setup  ## Make the bags in bags/ again from their CSV files
-	@.venv/bin/python -m traction_evaluation.verification.chrono_bags
+	@.venv/bin/traction bag make
 
 clean:  ## Remove all that the other targets made
 	rm -rf .venv ros2_ws/build ros2_ws/install ros2_ws/log out

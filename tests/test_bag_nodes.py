@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from recorded_bags import BAGS, NAMES
 
-from traction_evaluation.replay.replay import BEHAVIOURS, parameters_for
+from traction_evaluation.loop.shipped import BEHAVIOURS, shipped_parameters
 from traction_evaluation.replay.replay import replay as run_replay
 from traction_node.probe import NodeProcess, Probe, executable
 from tractor_io.bags.reader import BagReader
@@ -16,7 +16,7 @@ from tractor_io.bags.repair import cut_bag
 def parameters_for_bag(path):
     """Parameters of the nodes for the vehicle and the soil that a bag names."""
     with BagReader(path) as bag:
-        return parameters_for(bag.custom_data['vehicle'], bag.custom_data['soil'], {})
+        return shipped_parameters(bag.custom_data['vehicle'], bag.custom_data['soil'])
 
 
 # One of a tractor and one of a wheel each time, the others nightly.

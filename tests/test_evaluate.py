@@ -1,17 +1,24 @@
-"""`make evaluate`, a small part of it: the same trials, tables and pictures."""
+"""`traction evaluate`, a small part of it: the same trials, tables and pictures."""
 
 import re
+from pathlib import Path
 
 import pytest
+from rich.console import Console
 
-from traction_evaluation.closed_loop import report as evaluate
 from traction_evaluation.closed_loop import trial
+from traction_evaluation.closed_loop.controllers import controllers, fixed_pi
+from traction_evaluation.closed_loop.report import evaluate, written_digest
+from traction_evaluation.closed_loop.workers import Workers, run_draws
+from traction_evaluation.loop.shipped import digest
+
+BAGS = Path(__file__).parents[1] / 'bags'
 
 
 @pytest.fixture(scope='module')
 def report(tmp_path_factory):
     docs = tmp_path_factory.mktemp('docs')
-    status = evaluate.main(['--quick', '--draws', '4', '--docs', str(docs)])
+    status = evaluate(docs, BAGS, draws=4, quick=True)
     return status, docs, (docs / 'control.md').read_text(encoding='utf-8')
 
 
@@ -21,7 +28,10 @@ def test_report_has_all_controllers_and_pictures(report):
     # 2 says that a target is missed, as it may be in so few trials.
     assert status in (0, 2)
     assert (status == 2) == ('**missed**' in text)
-    for name in ('fixed PI', 'scheduled PI', 'sliding mode', 'LQI', 'LPV', 'LPV, true slip'):
+    for name in (
+        'fixed PI', 'scheduled PI', 'sliding mode', 'LQI', 'LPV', 'LPV, pulses told',
+        'LPV, true slip',
+    ):  # fmt: skip
         assert f'\n| {name} | ' in text
     pictures = re.findall(r'\(images/(\w+\.png)\)', text)
     assert len(pictures) == 3
@@ -31,17 +41,28 @@ def test_report_has_all_controllers_and_pictures(report):
     assert 'nan' not in text
 
 
+@pytest.mark.nightly
+def test_report_says_what_it_ran(report):
+    _, docs, text = report
+    assert written_digest(docs / 'control.md') == digest()
+    assert '4 draws a controller' in text
+    assert '| LPV | `slip_controller.mode` | limit | hold | ' in text
+    # Of LPV that alone.
+    assert len(re.findall(r'^\| LPV \| `', text, re.MULTILINE)) == 1
+
+
 def test_trials_do_not_depend_on_who_drives_them():
     draws = trial.draws(2, 5)
-    controller = evaluate.Controller('LQI', 'lqi')
-    here = evaluate.run_draws(controller, draws)
-    with evaluate.Workers(evaluate.Console(quiet=True)) as workers:
+    controller = controllers(fixed_pi(1.0, 1.0))[3]
+    assert controller.text == 'LQI'
+    here = run_draws(controller, draws)
+    with Workers(Console(quiet=True)) as workers:
         there = workers.run('', [(controller, draws)])[controller]
     assert [each.figures for each in here] == [each.figures for each in there]
     assert all((h.responses == t.responses).all() for h, t in zip(here, there, strict=True))
 
 
-def test_numbers_of_draws_that_cannot_be(capsys):
-    with pytest.raises(SystemExit):
-        evaluate.main(['--draws', '100'])
-    assert 'number of draws must be a power of 2, got 100' in capsys.readouterr().err
+def test_numbers_of_draws_that_cannot_be(traction):
+    status, said = traction('evaluate', '--bags', BAGS, '--docs', BAGS, '--draws', '100')
+    assert status == 2
+    assert 'number of draws must be a power of 2, got 100' in said

@@ -1,4 +1,4 @@
-"""The command `traction`: demo, ecu, replay, plot, bag, sweep, synthesize."""
+"""The command `traction`: demo, ecu, replay, plot, bag, sweep, synthesize, and the reports."""
 
 import contextlib
 import math
@@ -17,7 +17,9 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
-bag_app = typer.Typer(help='Look into bags, import, repair and cut them.', no_args_is_help=True)
+bag_app = typer.Typer(
+    help='Look into bags, make, import, repair and cut them.', no_args_is_help=True
+)
 app.add_typer(bag_app, name='bag')
 # Paths may have brackets.
 console = Console(markup=False)
@@ -114,8 +116,8 @@ def replay(
     Where the bag holds ground truth, the estimates are compared with it. With --against the exit
     status is 1 where the outputs differ.
     """
-    from traction_evaluation.estimation.estimate_errors import Judge
     from traction_evaluation.replay.golden import TOLERANCE, compare, write_golden
+    from traction_evaluation.replay.judge import Judge
     from traction_evaluation.replay.replay import chosen_parameters
     from traction_evaluation.replay.replay import replay as run_replay
 
@@ -288,17 +290,104 @@ def synthesize(
     )
 
 
+Docs = Annotated[
+    Path, typer.Option(help='Folder to write the report to.', exists=True, file_okay=False)
+]
+Bags = Annotated[
+    Path,
+    typer.Option(help="Folder of Project Chrono's bags.", exists=True, file_okay=False),
+]
+FieldData = Annotated[
+    Path | None,
+    typer.Option(
+        help='Folder of field data; without it their section stays as it is.',
+        exists=True,
+        file_okay=False,
+    ),
+]
+
+
 @app.command()
-def faults(
-    docs: Annotated[
-        Path, typer.Option(help='Folder to write safety.md to.', exists=True, file_okay=False)
-    ] = Path('docs'),
+def evaluate(
+    docs: Docs = Path('docs'),
+    bags: Bags = Path('bags'),
+    field_data: FieldData = None,
+    draws: Annotated[
+        int | None, typer.Option(help='Trials of every controller, a power of 2; default: 2048.')
+    ] = None,
+    tuning_draws: Annotated[
+        int | None,
+        typer.Option(help='Trials that the fixed PI is tuned on, a power of 2; default: 128.'),
+    ] = None,
+    seed: Annotated[int, typer.Option(help='Seed of the draws.', min=0)] = 1,
+    quick: Annotated[
+        bool, typer.Option('--quick', help='A look: 16 trials, and four fixed PIs on 4.')
+    ] = False,
 ) -> None:
-    """Put faults into the running suite and measure what it makes of them."""
+    """Evaluate slip control in closed loop, and estimation: control.md.
+
+    The exit status is 2 where a target is missed.
+    """
+    from traction_evaluation.closed_loop.report import evaluate as run_evaluation
+
+    raise typer.Exit(
+        run_evaluation(
+            docs,
+            bags,
+            field_data,
+            draws=draws,
+            tuning_draws=tuning_draws,
+            seed=seed,
+            quick=quick,
+        )
+    )
+
+
+@app.command()
+def verify(
+    docs: Docs = Path('docs'), bags: Bags = Path('bags'), field_data: FieldData = None
+) -> None:
+    """Compare the model with Project Chrono, the paper and wheel tests: verification.md.
+
+    The exit status is 1 where a limit that is expected to hold does not.
+    """
+    from traction_evaluation.verification.report import verify as run_verification
+
+    raise typer.Exit(run_verification(docs, bags, field_data))
+
+
+@app.command()
+def faults(docs: Docs = Path('docs')) -> None:
+    """Put faults into the running suite and measure what it makes of them: safety.md.
+
+    The exit status is 2 where a row is beyond its limit.
+    """
     from traction_bringup.system import system
     from traction_evaluation.faults.report import write_report
 
     raise typer.Exit(write_report(system, docs))
+
+
+@bag_app.command('make')
+def make(
+    names: Annotated[
+        list[str] | None, typer.Argument(help='Runs to make bags of; default: all.')
+    ] = None,
+    bags: Bags = Path('bags'),
+    csv: Annotated[
+        Path | None,
+        typer.Option(
+            help='Folder of plain CSV files to take the runs from first.',
+            exists=True,
+            file_okay=False,
+        ),
+    ] = None,
+) -> None:
+    """Make the bags of Project Chrono's runs from the CSV files beside them."""
+    from traction_evaluation.verification.chrono_bags import make_bags
+
+    for path, size in make_bags(names or (), bags, csv):
+        console.print(f'{path}: {size / 1e3:.0f} kB', soft_wrap=True, highlight=False)
 
 
 @bag_app.command()

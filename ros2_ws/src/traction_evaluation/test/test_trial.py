@@ -1,4 +1,4 @@
-"""Trials: what is drawn, how an answer is judged, what counts as stable."""
+"""Trials: draws, figures of a step response, stability."""
 
 import dataclasses
 import math
@@ -6,10 +6,11 @@ import math
 import numpy as np
 import pytest
 
-from traction_controller.control.slip_control import Mode, SlipControl
-from traction_evaluation.closed_loop import trial
+from traction_evaluation.closed_loop import trial, trial_figures
 from traction_evaluation.closed_loop.closed_loop import DT, Drive
-from traction_evaluation.closed_loop.trial import STEP, STEP_WINDOW, TARGET
+from traction_evaluation.closed_loop.controllers import fixed_pi
+from traction_evaluation.closed_loop.trial import TARGET
+from traction_evaluation.closed_loop.trial_figures import STEP, STEP_WINDOW
 from traction_model.contact.tractive import tractive_figures
 from traction_model.soil.soil import load_soil
 from traction_model.vehicle.vehicle import load_vehicle
@@ -33,20 +34,22 @@ def drive(slip, target=None):
     )  # fmt: skip
 
 
-def stepped(answer):
-    """A drive that answers to the step by a function of the time since."""
+def stepped(response):
+    """A drive that responds to the step by a function of the time since."""
     t = DT * np.arange(round(END / DT))
-    return drive(TARGET + np.where(t < STEP_TIME, 0.0, answer(t - STEP_TIME)))
+    return drive(TARGET + np.where(t < STEP_TIME, 0.0, response(t - STEP_TIME)))
 
 
 HELD = drive(TARGET, TARGET)
-QUIET = STEP * (1 - np.exp(-DT * np.arange(round(STEP_WINDOW / DT)) / 0.3))
+NOISE_FREE = STEP * (1 - np.exp(-DT * np.arange(round(STEP_WINDOW / DT)) / 0.3))
 
 
 def judged(run, other=HELD):
-    """Figures of a drive whose answer is the mean of its wheels'."""
-    noisy = trial.differences(run, other, STEP_TIME).mean(axis=1)
-    return trial.judge(run, other, STEP_TIME, DROP_TIME, noisy, QUIET, 0.8 * QUIET)
+    """Figures of a drive whose response is the mean of its wheels'."""
+    noisy = trial_figures.differences(run, other, STEP_TIME).mean(axis=1)
+    return trial_figures.judge(
+        run, other, STEP_TIME, DROP_TIME, noisy, NOISE_FREE, 0.8 * NOISE_FREE
+    )
 
 
 def test_draws_are_what_was_asked_for():
@@ -100,15 +103,15 @@ def test_steady_pull_is_that_of_the_tractive_figures():
     assert (torque / radii).sum() == pytest.approx(figures.gross_traction[0])
 
 
-def test_first_order_answer_settles_when_it_should():
+def test_first_order_response_settles_when_it_should():
     # 1 - exp(-t/tau) is within 10 % from tau*ln(10), 0.4605 s at 0.2 s, seen at the next sample.
     found = judged(stepped(lambda t: STEP * (1 - np.exp(-t / 0.2))))
     assert found.settling == pytest.approx(0.47)
     assert found.overshoot == 0.0
     # Without noise 0.3*ln(10), and four fifths of it never get there.
-    assert found.settling_quiet == pytest.approx(0.3 * math.log(10), abs=0.01)
+    assert found.settling_noise_free == pytest.approx(0.3 * math.log(10), abs=0.01)
     assert math.isinf(found.settling_throughout)
-    assert found.overshoot_quiet == 0.0
+    assert found.overshoot_noise_free == 0.0
     assert found.stable
     # Reference and judged drive have the same net traction: 100 N at 2 m/s from 400 W.
     assert found.work / found.energy == pytest.approx(0.5)
@@ -116,21 +119,21 @@ def test_first_order_answer_settles_when_it_should():
     assert found.peak == pytest.approx(TARGET + STEP, abs=1e-4)
 
 
-def test_second_order_answer_overshoots_as_it_should():
+def test_second_order_response_overshoots_as_it_should():
     # Damping 0.5: exp(-pi*0.5/sqrt(1 - 0.25)) = 0.163 beyond the step.
     damping, rate = 0.5, 10.0
     fast = rate * math.sqrt(1 - damping**2)
 
-    def answer(t):
+    def response(t):
         decay = np.exp(-damping * rate * t)
         return STEP * (1 - decay * (np.cos(fast * t) + damping * rate / fast * np.sin(fast * t)))
 
-    found = judged(stepped(answer))
+    found = judged(stepped(response))
     assert found.overshoot == pytest.approx(0.163, abs=0.002)
     assert found.stable
 
 
-def test_answer_is_free_of_what_both_drives_have():
+def test_response_is_free_of_what_both_drives_have():
     noise = 0.02 * np.random.default_rng(0).standard_normal(round(END / DT))
     other = drive(TARGET + noise, TARGET)
     step = stepped(lambda t: STEP * (1 - np.exp(-t / 0.2)))
@@ -138,7 +141,7 @@ def test_answer_is_free_of_what_both_drives_have():
     assert judged(noisy, other).settling == pytest.approx(0.47)
 
 
-def test_answer_that_never_comes():
+def test_response_that_never_comes():
     found = judged(stepped(lambda t: 0.8 * STEP + 0 * t))
     assert math.isinf(found.settling)
 
@@ -177,21 +180,15 @@ def test_oscillation_is_not_stable():
 @pytest.fixture(scope='module')
 def driven():
     # Ordinary soil, no noise to speak of, a law that is known to hold it.
-    draw = trial.Draw(
+    draw = trial.TrialDraw(
         strength=1.0, shear_deformation_modulus=1.0, sinkage_exponent=1.0, mass=1.0, lag=0.2,
         speed=2.0, pulses_per_turn=4000.0, radar_noise=0.01, radar_latency=0.0,
         torque_noise=0.0, seed=1,
     )  # fmt: skip
+    controller = fixed_pi(1.2, 3.2)
     return trial.run_trial(
-        draw,
-        TRACTOR,
-        LOAM,
-        lambda draw: None,
-        lambda draw: SlipControl(
-            TRACTOR, TARGET, Mode.HOLD, lag=0.2, law='pi', hold_torque=30e3,
-            settings={'pi': {'proportional': 1.2, 'integral': 3.2}},
-        ),
-    )  # fmt: skip
+        draw, TRACTOR, LOAM, lambda draw: controller.loop(draw.pulses_per_turn), perfect=True
+    )
 
 
 def test_trial_goes_as_told(driven):
@@ -206,10 +203,10 @@ def test_trial_goes_as_told(driven):
     before = driven.unstepped.t < driven.step_time - DT / 2
     assert np.array_equal(run.slip[: len(before)][before], driven.unstepped.slip[before])
     assert figures.settling < STEP_WINDOW
-    answers = trial.differences(run, driven.unstepped, driven.step_time)
-    assert answers[-1] == pytest.approx([STEP] * 4, abs=0.1 * STEP)
+    responses = trial_figures.differences(run, driven.unstepped, driven.step_time)
+    assert responses[-1] == pytest.approx([STEP] * 4, abs=0.1 * STEP)
     # No noise to speak of, and the truth is seen: the same without.
-    assert driven.quiet_answer == pytest.approx(driven.noisy_answer, abs=1e-9)
+    assert driven.noise_free_response == pytest.approx(driven.noisy_response, abs=1e-9)
 
 
 def test_wheel_in_a_rut_of_the_step_counts_no_more():
@@ -217,7 +214,7 @@ def test_wheel_in_a_rut_of_the_step_counts_no_more():
     each = np.array([1.0, 1.0, 0.0, 0.0])
     held = dataclasses.replace(HELD, slip=np.zeros((len(HELD.t), 4)))
     run = dataclasses.replace(held, slip=held.slip + each)
-    found = trial.answer(run, held, STEP_TIME, TRACTOR)
+    found = trial_figures.step_response(run, held, STEP_TIME, TRACTOR)
     np.testing.assert_allclose(found[:77], 0.5)
     np.testing.assert_allclose(found[78:], 1.0)
 
@@ -225,7 +222,7 @@ def test_wheel_in_a_rut_of_the_step_counts_no_more():
 def test_tau_max_halves_under_front_and_then_rear_wheels(driven):
     run, start = driven.stepped, driven.drop_time
     # At 2 m/s and more the wheelbase of 2.4 m is behind after 1.2 s.
-    assert driven.step_time == pytest.approx(trial.FIRST_STEP)
+    assert trial.FIRST_STEP <= driven.step_time < trial.LONGEST_START
     assert start == pytest.approx(driven.step_time + STEP_WINDOW)
     first = round(start / DT)
     place = run.x[first]
@@ -249,6 +246,6 @@ def test_columns_keep_the_order():
         )
         for rmse in (0.1, 0.3)
     ]
-    columns = trial.columns(figures)
+    columns = trial_figures.columns(figures)
     assert columns['rmse'].tolist() == [0.1, 0.3]
     assert columns['stable'].tolist() == [1.0, 0.0]

@@ -1,9 +1,9 @@
-"""Closed loop of plant, sensors, estimation and slip control, as it runs on a vehicle.
+"""Closed loop of plant, sensors and the loop that ships: estimator, slip control and gate.
 
-Every sampling period: tachometers and shaft torques are read, radar readings whose latency has
-passed come in, slip is estimated, torque is found, and goes to the plant after a transport
-delay. All noise follows from one seed. A copy (`copy.deepcopy`) goes on with the same noise, so
-that two copies differ by what is done to them alone.
+Every sampling period the driver's request and the wheels' reading go to `TractionLoop`, then the
+radar readings whose latency has passed, in the order in which the node of the plant sends them.
+Torques that leave the gate reach the plant after a transport delay. All noise follows from one
+seed. A copy (`copy.deepcopy`) goes on with the same noise.
 """
 
 import math
@@ -15,14 +15,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from traction_controller.control.slip_control import SlipControl
-from traction_controller.control.slip_state import SlipState
-from traction_controller.estimation.slip_filter import SlipFilter, Source
-from traction_model.contact.contact import shear_deficit
+from traction_evaluation.closed_loop.perfect_estimator import PerfectEstimator
+from traction_evaluation.loop.traction_loop import TractionLoop
 from traction_model.simulation.plant import Plant
 from traction_model.simulation.sensors import Radar, RadarModel, Tachometer
 from traction_model.slip import slips
-from traction_model.soil.terrain import soil_row
 
 Array = NDArray[np.float64]
 
@@ -82,7 +79,7 @@ class Drive:
     slip, slip_estimate : ndarray, shape (k, n)
         True and estimated slip, -1 to 1; both true without estimation.
     command : ndarray, shape (k, n)
-        Torque sent, N*m, forward positive.
+        Torque sent, N·m, forward positive.
     """
 
     t: Array
@@ -108,65 +105,12 @@ class Drive:
         Returns
         -------
         work, energy : float
-            Of net traction along the way, and of all shafts, J (N*m).
+            Of net traction along the way, and of all shafts, J (N·m).
         """
         judged = self.t >= start
         dt = float(self.t[1] - self.t[0])
         work = float(np.sum(self.net_traction[judged] * self.v[judged])) * dt
         return work, float(np.sum(self.shaft_power[judged])) * dt
-
-
-class Truth:
-    """What a perfect estimation would say, to tell errors of estimation from those of control.
-
-    Parameters
-    ----------
-    plant : Plant
-        The vehicle.
-
-    Attributes
-    ----------
-    v : float
-        Speed over ground, m/s.
-    slip, slip_variance, rim_speed, valid, thrust, slip_stiffness : ndarray, shape (n,)
-        As of `SlipFilter`; dimensionless, dimensionless, m/s, dimensionless, N, N. The
-        stiffness is that of the thrust curve through the plant's sinkage and tau_max.
-    source : Source
-        A sensor, so to speak.
-    """
-
-    def __init__(self, plant: Plant) -> None:
-        self._plant = plant
-        self._radii = np.array([wheel.radius for wheel in plant.vehicle.wheels])
-        self.slip_variance = np.zeros(plant.n_wheels)
-        self.source = Source.GROUND
-        self.look()
-
-    def look(self) -> None:
-        """Look at the plant anew."""
-        plant = self._plant
-        self.v = plant.v
-        self.slip = np.array(plant.slip)
-        self.rim_speed = plant.rim_speed
-        self.valid = np.array(plant.slip_valid)
-        # What turns against the shaft, as an estimation finds thrust.
-        self.gross_traction = plant.gross_traction
-
-    @property
-    def slip_stiffness(self) -> Array:
-        """Slope of thrust over slip, N, shape (n,)."""
-        plant, terrain, vehicle = self._plant, self._plant.terrain, self._plant.vehicle
-        slopes = []
-        for j, (wheel, track) in enumerate(zip(vehicle.wheels, vehicle.tracks, strict=True)):
-            row = soil_row(plant.x + float(vehicle.wheel_positions[j]), terrain.starts)
-            depth = min(max(float(plant.sinkage[j]), 1e-3), wheel.radius)
-            length = wheel.contact_length(depth)
-            path = length / terrain.soil(row, track).shear_deformation_modulus
-            # As of 1 - kappa at y = |i|*l/K: (kappa - exp(-y))/y, 1/2 at y = 0.
-            y = max(abs(float(self.slip[j])) * path, 1e-6)
-            slope = (shear_deficit(y) - math.exp(-y)) / y if y > 1e-4 else 0.5
-            slopes.append(wheel.width * length * path * slope)
-        return np.asarray(np.array(plant.max_shear_stress) * np.array(slopes))
 
 
 class ClosedLoop:
@@ -176,46 +120,40 @@ class ClosedLoop:
     ----------
     plant : Plant
         The vehicle on its soil, with the lag of its drive.
-    control : SlipControl or None
-        What finds the torque; without, wheels get the torque requested.
-    estimation : SlipFilter or None
-        What the control sees; without, it sees the truth.
+    loop : TractionLoop or None
+        Estimator, slip control and gate; without it, wheels get the torque requested.
     sensors : Sensors
         Their faults.
     seed : int
         Seed of all noise, at least 0.
     delay : float
         Time from sensors to the drive, s, at least 0; whole sampling periods are taken.
-    stiffness_period : float
-        Time between two slip stiffnesses that the control is told, s, above 0; whole sampling
-        periods are taken.
+    perfect : bool
+        True to put a `PerfectEstimator` of the plant in place of the loop's estimator.
 
     Raises
     ------
     ValueError
-        If the delay or the period is out of range.
+        If the delay is out of range.
     """
 
     def __init__(
         self,
         plant: Plant,
-        control: SlipControl | None,
-        estimation: SlipFilter | None,
+        loop: TractionLoop | None,
         sensors: Sensors,
         seed: int,
         *,
         delay: float = 0.02,
-        stiffness_period: float = 0.1,
+        perfect: bool = False,
     ) -> None:
         if not (math.isfinite(delay) and delay >= 0):
             raise ValueError(f'delay must be at least 0 s, got {delay}')
-        if not (math.isfinite(stiffness_period) and stiffness_period > 0):
-            raise ValueError(f'stiffness_period must be above 0 s, got {stiffness_period}')
         self.plant = plant
-        self.control = control
-        self.estimation = estimation
+        self.loop = loop
+        if loop is not None and perfect:
+            loop.estimator = PerfectEstimator(plant)
         self.sensors = sensors
-        self._truth = Truth(plant)
         vehicle = plant.vehicle
         radii = np.array([wheel.radius for wheel in vehicle.wheels])
         self._torque_noise = sensors.torque_noise * vehicle.static_loads() * radii
@@ -224,10 +162,26 @@ class ClosedLoop:
         self._radar = Radar(sensors.radar, seed)
         self._random = np.random.default_rng((seed, 1))
         self._radar_every = max(1, round(sensors.radar_period / DT))
-        self._stiffness_every = max(1, round(stiffness_period / DT))
         self._under_way = deque([[0.0] * n] * round(delay / DT))
         self._steps = 0
         self._rows: list[list[float]] = []
+
+    def set_target(self, target: float) -> None:
+        """Give a slip target to the loop.
+
+        Parameters
+        ----------
+        target : float
+            0.01 to 0.9.
+
+        Raises
+        ------
+        ValueError
+            If it is out of range, or there is no loop.
+        """
+        if self.loop is None:
+            raise ValueError('there is no slip control to give a target to')
+        self.loop.slip_target(target)
 
     def step(self, request: Sequence[float]) -> None:
         """Read the sensors, find the torque and advance by one sampling period.
@@ -235,68 +189,39 @@ class ClosedLoop:
         Parameters
         ----------
         request : sequence of float
-            Requested torque of every wheel, N*m, forward positive.
+            Requested torque of every wheel, N·m, forward positive.
 
         Raises
         ------
         ValueError
             If a torque is not finite, or there are too few or too many.
         """
-        plant, estimation = self.plant, self.estimation
+        plant, loop = self.plant, self.loop
         t, v, n = self._steps * DT, plant.v, plant.n_wheels
-        omega = plant.omega
-        shaft = plant.shaft_torque
+        omega, shaft = plant.omega, plant.shaft_torque
         measured_omega = self._tachometer.read(omega, DT)
         measured_torque = shaft + self._torque_noise * self._random.standard_normal(n)
         if self._steps % self._radar_every == 0:
             self._radar.measure(t, v)
-        target = math.nan
-        command = list(request)
-        seen: SlipFilter | Truth = self._truth
-        if estimation is None:
-            self._truth.look()
+        readings = self._radar.deliver(t)
+        net_traction = float(plant.net_traction.sum())
+        if loop is None:
+            torque, target = list(request), math.nan
+            v_estimate, slip_estimate = v, list(plant.slip)
         else:
-            seen = estimation
-            estimation.wheel_states(t, measured_omega, measured_torque)
-            for stamp, speed in self._radar.deliver(t):
-                estimation.radar(stamp, speed, max(self.sensors.radar.noise, 1e-3) ** 2)
-        slip_estimate = seen.slip.tolist()
-        if self.control is not None:
-            stiffness = None
-            if self._steps and self._steps % self._stiffness_every == 0:
-                stiffness = seen.slip_stiffness.tolist()
-            outcomes = self.control.step(
-                DT if self._steps else 0.0,
-                SlipState(
-                    slip_estimate,
-                    seen.valid.tolist(),
-                    seen.rim_speed.tolist(),
-                    seen.v,
-                    stiffness,
-                    seen.gross_traction.tolist(),
-                    seen.source is not Source.WHEEL,
-                    np.sqrt(seen.slip_variance).tolist(),
-                ),
-                measured_torque.tolist(),
-                request,
-            )
-            command = [outcome.torque for outcome in outcomes]
-            target = self.control.slip_target
+            loop.torque_request(t, request)
+            torque = loop.wheel_states(t, t, measured_omega.tolist(), measured_torque.tolist())
+            target = loop.controller.control.slip_target
+            v_estimate, slip_estimate = loop.estimator.v, loop.estimator.slip.tolist()
+            for stamp, speed in readings:
+                loop.radar(stamp, speed, max(self.sensors.radar.noise, 1e-3) ** 2)
         self._rows.append(
             [
-                t,
-                v,
-                plant.x,
-                seen.v,
-                float(plant.net_traction.sum()),
-                float(shaft @ omega),
-                target,
-                *plant.rim_speed.tolist(),
-                *slip_estimate,
-                *command,
+                t, v, plant.x, v_estimate, net_traction, float(shaft @ omega), target,
+                *plant.rim_speed.tolist(), *slip_estimate, *torque,
             ]
-        )
-        self._under_way.append(command)
+        )  # fmt: skip
+        self._under_way.append(torque)
         plant.step(self._under_way.popleft(), DT)
         self._steps += 1
 
@@ -316,9 +241,9 @@ class ClosedLoop:
         n = self.plant.n_wheels
         rows = np.array(self._rows).reshape(-1, 7 + 3 * n)
         t, v, x, v_estimate, net, power, target = rows[:, :7].T.copy()
-        rims, estimates, commands = (
+        rims, estimates, torques = (
             np.ascontiguousarray(rows[:, a:b]) for a, b in pairwise(range(7, 8 + 3 * n, n))
         )
         return Drive(
-            t, v, x, v_estimate, net, power, target, rims, slips(v, rims), estimates, commands
+            t, v, x, v_estimate, net, power, target, rims, slips(v, rims), estimates, torques
         )

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from traction_controller.control.slip_control import SlipControl
-from traction_controller.estimation.slip_filter import SlipFilter
 from traction_evaluation.closed_loop.closed_loop import DT, ClosedLoop, Drive, Sensors
+from traction_evaluation.loop.traction_loop import TractionLoop
 from traction_model.simulation.drawbar import Drawbar
 from traction_model.simulation.plant import Plant
 from traction_model.simulation.sensors import RadarModel
@@ -22,9 +21,6 @@ from traction_model.vehicle.vehicle import Vehicle
 
 LAG = 0.2
 """Time constant of the drive, s."""
-
-LIMIT = 0.20
-"""Slip to which wheels are limited, dimensionless."""
 
 START_SPEED = 2.0
 """Speed at the start, m/s."""
@@ -40,7 +36,7 @@ SENSORS = Sensors(1000.0, RadarModel(0.05, latency=0.05), torque_noise=0.005)
 
 
 @dataclass(frozen=True)
-class Scenario:
+class DriveScenario:
     """What happens in a drive.
 
     Attributes
@@ -59,22 +55,16 @@ class Scenario:
 
 
 SCENARIOS = {
-    'torque_steps': Scenario('torque asked for: half, all, half, all', 12.0, 3.0),
-    'soft_patch': Scenario('10 m of soft soil', 14.0, 3.0),
-    'slope': Scenario('10 degrees uphill', 12.0, 3.0),
-    'drawbar_jump': Scenario('draft doubles', 10.0, 3.0),
-    'split_soil': Scenario('soft soil under the left wheels', 10.0, 3.0),
+    'torque_steps': DriveScenario('torque asked for: half, all, half, all', 12.0, 3.0),
+    'soft_patch': DriveScenario('10 m of soft soil', 14.0, 3.0),
+    'slope': DriveScenario('10 degrees uphill', 12.0, 3.0),
+    'drawbar_jump': DriveScenario('draft doubles', 10.0, 3.0),
+    'split_soil': DriveScenario('soft soil under the left wheels', 10.0, 3.0),
 }
 """The scenarios by name."""
 
 
-def run_scenario(
-    name: str,
-    vehicle: Vehicle,
-    estimation: SlipFilter | None,
-    control: SlipControl | None,
-    seed: int = 1,
-) -> Drive:
+def run_scenario(name: str, vehicle: Vehicle, loop: TractionLoop | None, seed: int = 1) -> Drive:
     """Drive a scenario.
 
     Parameters
@@ -82,18 +72,16 @@ def run_scenario(
     name : str
         One of `SCENARIOS`.
     vehicle : Vehicle
-        What drives, SI units.
-    estimation : SlipFilter or None
-        What the control sees; None: the truth.
-    control : SlipControl or None
-        What limits slip; None: wheels get what is asked for.
+        SI units.
+    loop : TractionLoop or None
+        Limits slip; None: wheels get what is asked for.
     seed : int
         Seed of all noise, at least 0.
 
     Returns
     -------
     Drive
-        The drive, SI units.
+        SI units.
 
     Raises
     ------
@@ -116,7 +104,7 @@ def run_scenario(
             )
         ]
     )
-    loop = ClosedLoop(plant, control, estimation, SENSORS, seed)
+    driven = ClosedLoop(plant, loop, SENSORS, seed)
     events: dict[str, Callable[[], None]] = {
         'torque_steps': lambda: None,
         'soft_patch': lambda: _change(plant, [loam, soft, loam], [0.0, 10.0]),
@@ -135,8 +123,8 @@ def run_scenario(
         share = min(1.0, t / RAMP)
         if name == 'torque_steps':
             share *= 1.0 if int(t / scenario.happens) % 2 else 0.5
-        loop.step((share * full).tolist())
-    return loop.drive()
+        driven.step((share * full).tolist())
+    return driven.drive()
 
 
 def _shares(vehicle: Vehicle) -> list[float]:

@@ -1,167 +1,152 @@
-"""Estimates of a bag compared with the bag's ground truth."""
+"""Errors of the estimates of a bag, also with other radar readings than those it holds."""
 
+import copy
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from traction_controller.estimation.slip_filter import SlipFilter
-from traction_evaluation.drives.recording import Array, vehicle_and_soil, vehicle_prefix
-from traction_model.soil.soil import load_soil
-from traction_model.vehicle.vehicle import load_vehicle
-from traction_node.joints import JointOrder
+from traction_evaluation.drives.recording import vehicle_prefix
+from traction_evaluation.replay.judge import EstimateErrors, Judge
+from traction_evaluation.replay.replay import TRUTH, Replay, replay
 from traction_node.stamp import nanoseconds
 from tractor_io.bags.bag_error import BagError
 from tractor_io.bags.reader import BagReader
 
 
-@dataclass(frozen=True)
-class EstimateErrors:
-    """How far the estimates of a replay lie from ground truth, over judged samples only.
-
-    Attributes
-    ----------
-    wheel_names : tuple of str
-        The wheels.
-    slip_rmse : ndarray, shape (n,)
-        Root mean square of the slip error of each wheel, dimensionless.
-    slip_p95 : ndarray, shape (n,)
-        95th percentile of its magnitude, dimensionless.
-    within_two_sigma : ndarray, shape (n,)
-        Share of errors within two reported standard deviations, dimensionless.
-    speed_rmse : float
-        Root mean square of the ground speed error, m/s.
-    samples : int
-        Judged samples of every wheel.
-    """
-
-    wheel_names: tuple[str, ...]
-    slip_rmse: Array
-    slip_p95: Array
-    within_two_sigma: Array
-    speed_rmse: float
-    samples: int
-
-    @property
-    def total_slip_rmse(self) -> float:
-        """Root mean square of the slip error over all wheels, dimensionless."""
-        return float(np.sqrt(np.mean(self.slip_rmse**2)))
-
-
-class Judge:
-    """Collects estimates beside their truth.
+class OtherRadar:
+    """Radar readings put in place of those of a bag.
 
     Parameters
     ----------
-    settle : float
-        Samples before this time are not judged, s.
-    until : float
-        Nor are those after this time, s.
-    min_speed : float
-        Nor are those with a rim slower than this, m/s.
+    path : Path or str
+        Bag, with ground truth where readings are made anew.
+    gap : (float, float), optional
+        Time from which and to which the radar is silent, s after the start of the bag.
+    seed : int, optional
+        Readings are ground truth and noise of this seed, of the variance that they state.
+
+    Raises
+    ------
+    BagError
+        If the bag cannot be read, or lacks the ground truth.
     """
 
-    def __init__(self, settle: float = 2.0, until: float = math.inf, min_speed: float = 0.3):
-        self._window = settle, until
-        self._min_speed = min_speed
-        self._errors: list[Array] = []
-        self._deviations: list[Array] = []
-        self._speed_errors: list[float] = []
-        self._order: JointOrder | None = None
-
-    def add(
+    def __init__(
         self,
-        t: float,
-        wheel_names: Sequence[str],
-        slip: Array,
-        variances: Array,
-        speed: float,
-        truth: Any,
+        path: Path | str,
+        gap: tuple[float, float] | None = None,
+        seed: int | None = None,
     ) -> None:
-        """Take an estimate.
+        self._gap = gap
+        self._noise = None if seed is None else np.random.default_rng(seed)
+        self._true_speed: dict[int, float] = {}
+        with BagReader(path) as bag:
+            self._start = bag.start
+            if self._noise is not None:
+                for message in bag.messages(sorted(bag.find([vehicle_prefix(bag) + TRUTH]))):
+                    stamp = nanoseconds(message.message.header.stamp)
+                    self._true_speed[stamp] = message.message.ground_based_speed
+
+    def __call__(self, message: Any) -> Any:
+        """Reading in place of one of the bag.
 
         Parameters
         ----------
-        t : float
-            Time since the start of the bag, s.
-        wheel_names : sequence of str
-            The wheels, n of them, always the same.
-        slip, variances : array_like, shape (n,)
-            Estimated slip of each wheel and its variance, dimensionless.
-        speed : float
-            Estimated ground speed, m/s.
-        truth : object
-            Message of `ground_truth/slip_estimate` for the same time.
+        message : object
+            TwistWithCovarianceStamped of the topic `radar`, m/s and m²/s².
 
-        Raises
-        ------
-        JointError
-            If the truth does not tell of every wheel.
+        Returns
+        -------
+        object or None
+            The message to deliver; None for silence, and where there is no truth of its time.
         """
-        settle, until = self._window
-        self._order = self._order or JointOrder(wheel_names, 'ground truth')
-        names = list(truth.wheel_names)
-        true_slip = self._order.values(names, truth.slip)
-        rims = np.abs(self._order.values(names, truth.wheel_based_speed))
-        if settle <= t <= until and np.all(rims > self._min_speed):
-            self._errors.append(np.asarray(slip) - true_slip)
-            self._deviations.append(np.sqrt(variances))
-            self._speed_errors.append(speed - truth.ground_based_speed)
-
-    def errors(self, wheel_names: Sequence[str]) -> EstimateErrors | None:
-        """How far they lie apart; None where there was nothing to judge."""
-        if not self._errors:
+        stamp = nanoseconds(message.header.stamp)
+        t = (stamp - self._start) * 1e-9
+        if self._gap is not None and self._gap[0] <= t < self._gap[1]:
             return None
-        error = np.array(self._errors)
-        return EstimateErrors(
-            wheel_names=tuple(wheel_names),
-            slip_rmse=np.sqrt(np.mean(error**2, axis=0)),
-            slip_p95=np.percentile(np.abs(error), 95, axis=0),
-            within_two_sigma=np.mean(np.abs(error) <= 2 * np.array(self._deviations), axis=0),
-            speed_rmse=float(np.sqrt(np.mean(np.square(self._speed_errors)))),
-            samples=len(error),
-        )
+        if self._noise is None:
+            return message
+        deviation = math.sqrt(message.twist.covariance[0])
+        noise = float(self._noise.normal(0.0, deviation))
+        if stamp not in self._true_speed:
+            return None
+        made = copy.deepcopy(message)
+        made.twist.twist.linear.x = self._true_speed[stamp] + noise
+        return made
+
+
+def replay_with_radar(
+    path: Path | str,
+    *,
+    vehicle: str = '',
+    soil: str = '',
+    method: str = 'ukf',
+    judge: Judge | None = None,
+    radar_gap: tuple[float, float] | None = None,
+    radar_seed: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Replay:
+    """Replay a bag with other radar readings, or another Kalman filter.
+
+    Parameters
+    ----------
+    path : Path or str
+        Bag with `wheel_states` and `radar`, in any namespace.
+    vehicle, soil : str
+        Empty for those the bag names.
+    method : {'ukf', 'ekf', 'scheduled_gain'}
+        Kalman filter; all else is as it ships.
+    judge : Judge, optional
+        What of the estimates is compared with ground truth.
+    radar_gap, radar_seed
+        As of `OtherRadar`.
+    progress : callable, optional
+        Called with the share that is done, 0 to 1.
+
+    Returns
+    -------
+    Replay
+        The outputs.
+
+    Raises
+    ------
+    BagError
+        As of `replay` and `OtherRadar`.
+    ValueError
+        If vehicle, soil or method are not known.
+    """
+    return replay(
+        path,
+        vehicle=vehicle,
+        soil=soil,
+        parameters={'slip_estimator': {'method': method}},
+        judge=judge,
+        change_radar=OtherRadar(path, radar_gap, radar_seed),
+        progress=progress,
+    )
 
 
 def estimate_errors(
     path: Path | str,
-    vehicle: str = '',
-    soil: str = '',
     *,
     settle: float = 2.0,
     until: float = math.inf,
     min_speed: float = 0.3,
-    method: str = 'ukf',
-    radar_gap: tuple[float, float] | None = None,
-    radar_seed: int | None = None,
-    progress: Callable[[float], None] | None = None,
+    **changes: Any,
 ) -> EstimateErrors:
-    """Send a bag through the estimator and compare slip with ground truth.
+    """Replay a bag and compare slip with ground truth.
 
     Parameters
     ----------
     path : Path or str
         Bag with `wheel_states`, `radar` and `ground_truth/slip_estimate`, in any namespace.
-    vehicle, soil : str
-        As the estimator takes them; empty for those the bag names.
-    settle : float
-        Samples before this time are not judged, s.
-    until : float
-        Nor are those after this time, s.
-    min_speed : float
-        Nor are those with a rim slower than this, m/s.
-    method : {'ukf', 'ekf', 'lpv'}
-        Kalman filter.
-    radar_gap : (float, float), optional
-        From when to when the radar is silent, s.
-    radar_seed : int, optional
-        Radar readings are made anew, from ground truth and noise of this seed as large as the
-        readings say theirs is.
-    progress : callable, optional
-        Called with the share that is done, 0 to 1.
+    settle, until, min_speed : float
+        As of `Judge`; s, s and m/s.
+    **changes
+        As of `replay_with_radar`.
 
     Returns
     -------
@@ -172,59 +157,14 @@ def estimate_errors(
     ------
     BagError
         If the bag cannot be read, lacks a topic, or names no vehicle and none is given.
-    DefinitionError
-        If vehicle or soil are not known.
     ValueError
-        If the method is not known.
+        If vehicle, soil or method are not known.
     """
     with BagReader(path) as bag:
         prefix = vehicle_prefix(bag)
-        topics = bag.find(
-            prefix + topic for topic in ('wheel_states', 'radar', 'ground_truth/slip_estimate')
-        )
-        vehicle, soil = vehicle_and_soil(bag, vehicle, soil)
-        model = load_vehicle(vehicle)
-        estimation = SlipFilter(model, load_soil(soil), min_speed=min_speed, method=method)
-        speeds = JointOrder(model.wheel_names, 'wheel_states velocity')
-        torques = JointOrder(model.wheel_names, 'wheel_states effort')
-        start, end = bag.start, bag.end
-        estimates: dict[int, tuple[Array, Array, float]] = {}
-        judge = Judge(settle, until, min_speed)
-        noise = None if radar_seed is None else np.random.default_rng(radar_seed)
-        # Noise of readings that wait for the truth of their time.
-        anew: dict[int, tuple[float, float]] = {}
-        for message in bag.messages(sorted(topics)):
-            if progress is not None:
-                progress((message.time - start) / max(1, end - start))
-            ns = nanoseconds(message.message.header.stamp)
-            t = (ns - start) * 1e-9
-            content = message.message
-            kind = message.topic.removeprefix(prefix)
-            if kind == 'radar':
-                if radar_gap is not None and radar_gap[0] <= t < radar_gap[1]:
-                    continue
-                variance = content.twist.covariance[0]
-                if noise is None:
-                    estimation.radar(t, content.twist.twist.linear.x, variance)
-                else:
-                    anew[ns] = noise.normal(0.0, math.sqrt(variance)), variance
-            elif kind == 'wheel_states':
-                names = list(content.name)
-                estimation.wheel_states(
-                    t,
-                    speeds.values(names, content.velocity),
-                    torques.values(names, content.effort),
-                )
-                estimates = {
-                    ns: (estimation.slip.copy(), estimation.slip_variance.copy(), estimation.v)
-                }
-            else:
-                if ns in estimates:
-                    judge.add(t, model.wheel_names, *estimates[ns], content)
-                if ns in anew:
-                    off, variance = anew.pop(ns)
-                    estimation.radar(t, content.ground_based_speed + off, variance)
-    errors = judge.errors(model.wheel_names)
-    if errors is None:
+        bag.find(prefix + name for name in ('wheel_states', 'radar', TRUTH))
+    judge = Judge(settle, until, min_speed)
+    found = replay_with_radar(path, judge=judge, **changes).errors
+    if found is None:
         raise BagError(f'{path}: nothing to judge after {settle:g} s above {min_speed:g} m/s')
-    return errors
+    return found

@@ -1,13 +1,11 @@
 """Field data: what the controller's estimators make of runs that others have measured.
 
-Two runs, which stay outside the project (``../shared/data/field``):
+Two runs, which may not be copied into the project:
 
 - a four-wheel rover on paths, 10 Hz wheel speeds and satellite positions: WVU Navigation Lab,
   corenav-GP, test17run;
 - a tractor New Holland T7.165 S at work, 1 Hz wheel-based and ground-based speed and engine
   torque: Lindia et al. 2025, tractor-field-operations-dataset.
-
-    python -m traction_evaluation.estimation.field_data
 """
 
 import csv
@@ -24,8 +22,6 @@ from traction_controller.estimation.rolling_radius import Calibration, FirmGroun
 from traction_model.slip import MIN_SPEED
 from traction_model.slip import slip as slip_of
 
-FOLDER = Path.cwd().parent / 'shared' / 'data' / 'field'
-
 ROVER_RADIUS = 0.1168
 """Effective radius of the rover's wheels by its positions, m."""
 
@@ -33,18 +29,13 @@ ROVER_NOMINAL = 0.11
 """Nominal radius of the rover's wheels, m."""
 
 
-def missing() -> str:
-    """Tell why field data cannot be judged here, or nothing if they can."""
-    if FOLDER.is_dir():
-        return ''
-    return f'{FOLDER} is not here: field data may not be copied into the project'
-
-
-def columns(name: str) -> dict[str, np.ndarray]:
-    """Read a table.
+def columns(folder: Path, name: str) -> dict[str, np.ndarray]:
+    """Read a table of the field data.
 
     Parameters
     ----------
+    folder : Path
+        Folder of the field data.
     name : str
         File name.
 
@@ -52,8 +43,16 @@ def columns(name: str) -> dict[str, np.ndarray]:
     -------
     dict of str to ndarray
         Its columns, numbers where they are.
+
+    Raises
+    ------
+    ValueError
+        If the file is not there.
     """
-    with open(FOLDER / name, encoding='utf-8') as file:
+    path = folder / name
+    if not path.is_file():
+        raise ValueError(f'{path} is not there: give the folder of the field data')
+    with path.open(encoding='utf-8') as file:
         head, *rows = csv.reader(file)
     read = {}
     for column, cells in zip(head, zip(*rows, strict=True), strict=True):
@@ -99,11 +98,15 @@ class RoverRun:
     straight: float
 
 
-def follow_rover(start_radius: float, jumps: dict[int, np.ndarray] | None = None) -> RoverRun:
+def follow_rover(
+    folder: Path, start_radius: float, jumps: dict[int, np.ndarray] | None = None
+) -> RoverRun:
     """Follow the rover's run.
 
     Parameters
     ----------
+    folder : Path
+        Folder of the field data.
     start_radius : float
         Radius that the calibration starts from, m.
     jumps : dict of int to ndarray, optional
@@ -114,7 +117,7 @@ def follow_rover(start_radius: float, jumps: dict[int, np.ndarray] | None = None
     RoverRun
         SI units.
     """
-    table = columns('rover_pathfinder.csv')
+    table = columns(folder, 'rover_pathfinder.csv')
     t = table['t']
     wheels = np.column_stack([table[f'omega_{name}'] for name in ('fl', 'fr', 'rl', 'rr')])
     places = np.column_stack([table[axis] for axis in ('east', 'north', 'up')])
@@ -198,11 +201,13 @@ class RoverFigures:
     uncompensated_error: float
 
 
-def rover(start_radius: float = 0.94 * ROVER_RADIUS) -> RoverFigures:
+def rover(folder: Path, start_radius: float = 0.94 * ROVER_RADIUS) -> RoverFigures:
     """Judge the rover's run.
 
     Parameters
     ----------
+    folder : Path
+        Folder of the field data.
     start_radius : float
         Radius that the calibration starts from, m; by default 6 % wrong.
 
@@ -211,7 +216,7 @@ def rover(start_radius: float = 0.94 * ROVER_RADIUS) -> RoverFigures:
     RoverFigures
         SI units.
     """
-    run = follow_rover(start_radius)
+    run = follow_rover(folder, start_radius)
     wrong = np.flatnonzero(np.abs(run.radius / ROVER_RADIUS - 1) > 0.01)
     found = run.t[wrong[-1] + 1] if wrong[-1] + 1 < len(run.t) else math.inf
     # By satellite it stands at 53 s; the last samples of wheels and speed do not belong together.
@@ -260,11 +265,13 @@ class JumpFigures:
     speed_error: float
 
 
-def rover_jumps(seed: int = 1, count: int = 100, lasting: int = 1) -> JumpFigures:
+def rover_jumps(folder: Path, seed: int = 1, count: int = 100, lasting: int = 1) -> JumpFigures:
     """Put jumps of 0.3 m into the rover's track while it drives.
 
     Parameters
     ----------
+    folder : Path
+        Folder of the field data.
     seed : int
         Of their times and directions.
     count : int
@@ -278,7 +285,7 @@ def rover_jumps(seed: int = 1, count: int = 100, lasting: int = 1) -> JumpFigure
         Counted over all positions shifted.
     """
     random = np.random.default_rng(seed)
-    clean = follow_rover(ROVER_NOMINAL)
+    clean = follow_rover(folder, ROVER_NOMINAL)
     # Between the first second and the last of driving.
     rows = np.flatnonzero((clean.t > 6.0) & (clean.t < 52.5 - 0.1 * lasting))
     jumps = {}
@@ -287,7 +294,7 @@ def rover_jumps(seed: int = 1, count: int = 100, lasting: int = 1) -> JumpFigure
         angle = random.uniform(0, math.tau)
         for k in range(row, row + lasting):
             jumps[k] = 0.3 * np.array([math.cos(angle), math.sin(angle), 0.0])
-    spoilt = follow_rover(ROVER_NOMINAL, jumps)
+    spoilt = follow_rover(folder, ROVER_NOMINAL, jumps)
     shifted = np.zeros(len(clean.t), dtype=bool)
     shifted[list(jumps)] = True
     valid = np.isfinite(spoilt.speed) & np.isfinite(clean.speed)
@@ -344,11 +351,13 @@ class TractorFigures:
     rank_correlation: float
 
 
-def tractor(start_scale: float = 0.94) -> TractorFigures:
+def tractor(folder: Path, start_scale: float = 0.94) -> TractorFigures:
     """Judge the tractor's day.
 
     Parameters
     ----------
+    folder : Path
+        Folder of the field data.
     start_scale : float
         Radius that the calibration starts from, over the one in the tractor's wheel-based
         speed; by default 6 % too small.
@@ -358,7 +367,7 @@ def tractor(start_scale: float = 0.94) -> TractorFigures:
     TractorFigures
         SI units; slips are judged from when the radius was known to 1 %.
     """
-    table = columns('tractor_t7165s.csv')
+    table = columns(folder, 'tractor_t7165s.csv')
     t, state = table['t'], table['state']
     wheel, ground, torque = table['wheel_speed'], table['ground_speed'], table['engine_torque']
     # As if the radius were 1 m, the wheel turns by its speed.
@@ -392,26 +401,3 @@ def tractor(start_scale: float = 0.94) -> TractorFigures:
         slip_by_torque=tuple(float(np.median(slip[rows])) for rows in fifths),
         rank_correlation=float(spearmanr(slip[moving], torque[moving]).statistic),
     )
-
-
-def main() -> None:
-    """Print the figures."""
-    said = missing()
-    if said:
-        raise SystemExit(said)
-    for start in (0.94 * ROVER_RADIUS, 1.06 * ROVER_RADIUS, ROVER_NOMINAL):
-        print(rover(start))
-    print(rover_jumps())
-    many = [rover_jumps(seed) for seed in range(100)]
-    print(
-        f'{len(many)} seeds: {sum(m.refused for m in many)} of {sum(m.jumps for m in many)} '
-        f'jumps refused, in {sum(m.refused == m.jumps for m in many)} seeds all; other '
-        f'positions refused {np.mean([m.falsely_refused for m in many]):.1f} a run'
-    )
-    print('jumps that stay for 2 s:', rover_jumps(count=8, lasting=20))
-    for scale in (0.94, 1.0, 1.06):
-        print(tractor(scale))
-
-
-if __name__ == '__main__':
-    main()

@@ -1,23 +1,24 @@
-"""What `make evaluate` says of estimation: bags, changes of soil, field data, time of a step."""
+"""Sections of the report on estimation: bags, changes of soil, field data, time of a step."""
 
 import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from traction_controller.estimation.slip_filter import SlipFilter
-from traction_evaluation.estimation import field_data as field_data
-from traction_evaluation.estimation.estimate_errors import estimate_errors
+from traction_evaluation.estimation import field_data
+from traction_evaluation.estimation.estimate_errors import estimate_errors, replay_with_radar
+from traction_evaluation.markdown import Target, fill, table, target_table
 from traction_evaluation.verification.chrono import CHRONO_RUNS, SAMPLE_TIME, read_chrono
 from traction_evaluation.verification.chrono_bags import RADAR_SIGMA, SEEDS
 from traction_model.contact.tractive import static_contact_length
 from traction_model.soil.soil import load_soil
 from traction_model.vehicle.vehicle import load_vehicle
+from traction_node.stamp import nanoseconds
 
-BAGS = Path('bags')
-
-METHODS = ('ekf', 'ukf', 'scheduled_gain')
+METHODS = ('ukf', 'ekf', 'scheduled_gain')
 # The other two spin at up to 56 m/s.
 TRACTOR_SPEED = (
     'wheel_drawbar', 'wheel_torque_sine', 'wheel_soft_patch', 'tractor_sandy_loam',
@@ -26,8 +27,8 @@ TRACTOR_SPEED = (
 SOFT_PATCH = ('wheel_soft_patch', 'tractor_soft_patch')
 RENOISED = range(100, 104)
 GAP = 5.0
-# Of wheels and radar in the bags.
-WHEELS_EVERY, RADAR_EVERY = 2, 20
+RADAR_EVERY = 20
+"""Samples from one radar reading of the bags to the next."""
 
 # Targets.
 SLIP_RMSE = 0.01
@@ -66,9 +67,24 @@ class BagErrors(NamedTuple):
     gap_costs: float
 
 
-def bag_errors(name, method):
-    """Errors of a method on a bag; see `BagErrors`."""
-    path = BAGS / name
+def bag_errors(bags: Path, name: str, method: str) -> BagErrors:
+    """Errors of a Kalman filter on a bag.
+
+    Parameters
+    ----------
+    bags : Path
+        Folder of the bags.
+    name : str
+        Bag.
+    method : str
+        Kalman filter, as of the parameter `method`.
+
+    Returns
+    -------
+    BagErrors
+        SI units.
+    """
+    path = bags / name
     runs = [estimate_errors(path, method=method)]
     runs += [estimate_errors(path, method=method, radar_seed=seed) for seed in RENOISED]
     rmse = [run.total_slip_rmse for run in runs]
@@ -76,7 +92,7 @@ def bag_errors(name, method):
     end = float(read_chrono(path / f'{name}.csv.xz', CHRONO_RUNS[name]).t[-1])
     # In the middle: what came before is known, and there is time for it to come back.
     begin = (end - GAP) / 2
-    window = {'settle': begin, 'until': begin + GAP + 2.0, 'method': method}
+    window: dict[str, Any] = {'settle': begin, 'until': begin + GAP + 2.0, 'method': method}
     silent = estimate_errors(path, radar_gap=(begin, begin + GAP), **window)
     heard = estimate_errors(path, **window)
     return BagErrors(
@@ -87,50 +103,81 @@ def bag_errors(name, method):
     )
 
 
-def soil_change(name, method, seed):
+def soil_change(
+    bags: Path, name: str, method: str, seed: int | None
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Error of tau_max under the driven wheels after the last one came onto the patch.
+
+    Parameters
+    ----------
+    bags : Path
+        Folder of the bags.
+    name : str
+        Bag.
+    method : str
+        Kalman filter, as of the parameter `method`.
+    seed : int or None
+        Of other radar noise; None: the bag's own.
 
     Returns
     -------
-    t : ndarray
-        Time since then, s.
+    t : ndarray, shape (k,)
+        Time since then of every terrain estimate, s.
     error : ndarray, shape (k, n)
         Estimated over true tau_max less 1, true being that of the patch under the static load
         on the nominal contact area, as the estimate is defined.
     """
     run = CHRONO_RUNS[name]
-    recording = read_chrono(BAGS / name / f'{name}.csv.xz', run)
+    recording = read_chrono(bags / name / f'{name}.csv.xz', run)
     vehicle = load_vehicle(run.vehicle)
     nominal, soft = (load_soil(soil) for soil in run.soils)
     truth = []
     for wheel, load in zip(vehicle.wheels, vehicle.static_loads(), strict=True):
         area = wheel.width * static_contact_length(nominal, wheel, load)
         truth.append(soft.max_shear_stress(load / area))
-    noise = np.random.default_rng(seed).normal(0.0, RADAR_SIGMA, len(recording.t))
-    sees = SlipFilter(vehicle, nominal, method=method)
-    found = []
-    rows = range(0, len(recording.t), WHEELS_EVERY)
-    for k in rows:
-        t = float(recording.t[k])
-        sees.wheel_states(t, recording.omega[k], recording.torque[k])
-        if k % RADAR_EVERY == 0:
-            sees.radar(t, float(recording.v[k] + noise[k]), RADAR_SIGMA**2)
-        found.append(sees.max_shear_stress.copy())
+    replayed = replay_with_radar(bags / name, method=method, radar_seed=seed)
+    terrain = replayed.values('terrain_estimate')
+    t = np.array([nanoseconds(each.header.stamp) - replayed.start for each in terrain]) * 1e-9
+    found = np.array([each.max_shear_stress for each in terrain])
     # The hindmost wheel is the last to come there.
     entered = recording.x + vehicle.wheel_positions.min() >= run.starts[0]
-    last = float(recording.t[np.argmax(entered)])
-    since = recording.t[::WHEELS_EVERY] - last
-    return since, np.array(found) / np.array(truth) - 1
+    last = float(recording.t[np.argmax(entered)] - recording.t[0])
+    return t - last, found / np.array(truth) - 1
 
 
-def bags_section(table, run, quick=False):
-    """Tables of the bags and of the changes of soil, and targets as in `field_section`.
+def bags_section(
+    bags: Path, run: Callable[[str, Callable[..., Any], list[Any]], list[Any]], quick: bool = False
+) -> tuple[dict[str, str], list[Target]]:
+    """Tables of the bags and of the changes of soil.
 
-    `run` maps a function over arguments, on whatever there is; a quick look leaves methods out.
+    Parameters
+    ----------
+    bags : Path
+        Folder of the bags.
+    run : callable
+        Maps a function over arguments, as `Workers.map` does.
+    quick : bool
+        True for the Kalman filter that ships alone.
+
+    Returns
+    -------
+    values : dict of str to str
+        What goes into the template.
+    targets : list of Target
+        Of the best Kalman filter.
+
+    Raises
+    ------
+    ValueError
+        If a bag is not there.
     """
+    for name in SEEDS:
+        if not (bags / name).is_dir():
+            raise ValueError(f'{bags} holds no bag {name}: give the folder of the bags (--bags)')
     methods = METHODS[:1] if quick else METHODS
     work = [(name, method) for name in SEEDS for method in methods]
-    found = dict(zip(work, run('bags', bag_errors, work), strict=True))
+    jobs = [(bags, *each) for each in work]
+    found = dict(zip(work, run('bags', bag_errors, jobs), strict=True))
     rows = []
     for name in SEEDS:
         for method in methods:
@@ -146,14 +193,17 @@ def bags_section(table, run, quick=False):
                     f'{errors.gap_costs:+.4f}',
                 ]
             )
-    noises = [(name, seed) for name in SOFT_PATCH for seed in (SEEDS[name], *RENOISED)]
-    work = [(name, method, seed) for name, seed in noises for method in methods]
-    changes = dict(zip(work, run('changes of soil', soil_change, work), strict=True))
+    seeds = (None, *RENOISED)
+    change_work = [
+        (name, method, seed) for name in SOFT_PATCH for seed in seeds for method in methods
+    ]
+    change_jobs = [(bags, *each) for each in change_work]
+    changes = dict(zip(change_work, run('changes of soil', soil_change, change_jobs), strict=True))
     change_rows, strengths = [], {}
     for name in SOFT_PATCH:
         for method in methods:
             cells = []
-            for seed in (SEEDS[name], *RENOISED):
+            for seed in seeds:
                 since, error = changes[name, method, seed]
                 late = np.abs(error[since >= STRENGTH_BY]).max(axis=1)
                 at = np.abs(error[np.argmax(since >= STRENGTH_BY)]).max()
@@ -178,26 +228,26 @@ def bags_section(table, run, quick=False):
     shares = [share for each in chosen.values() for share in each.within[:1]]
     gap = max(each.gap_costs for each in chosen.values())
     strength = max(strengths[name, best] for name in SOFT_PATCH)
-    verdict = [
-        (
+    targets = [
+        Target(
             f'slip RMSE of the best ({best}) on tractor-speed runs, at most ({worst})',
             f'{chosen[worst].rmse:.4f}',
             f'at most {SLIP_RMSE:g}',
             chosen[worst].rmse <= SLIP_RMSE,
         ),
-        (
+        Target(
             f'errors inside 2 sigma ({best}, tractor-speed runs)',
             f'{100 * min(shares):.1f} to {100 * max(shares):.1f} %',
             f'{100 * WITHIN[0]:g} to {100 * WITHIN[1]:g} %',
             WITHIN[0] <= min(shares) and max(shares) <= WITHIN[1],
         ),
-        (
+        Target(
             f'a {GAP:g} s radar gap costs ({best}, tractor-speed runs)',
             f'{gap:+.4f}',
             f'at most {GAP_COSTS:g}',
             gap <= GAP_COSTS,
         ),
-        (
+        Target(
             f'tau_max off truth {STRENGTH_BY:g} s after the last wheel entered the patch ({best})',
             f'{100 * strength:.1f} %',
             f'at most {100 * STRENGTH_WITHIN:g} %',
@@ -219,15 +269,33 @@ def bags_section(table, run, quick=False):
         'sigma': f'{RADAR_SIGMA:g}',
         'radar_rate': f'{1 / (RADAR_EVERY * SAMPLE_TIME):g}',
     }  # fmt: skip
-    return values, verdict
+    return values, targets
 
 
-def field_section(table):
-    """Tables of the field data, and targets: what, found, limit as text, and whether it is met."""
+def field_section(folder: Path) -> tuple[str, list[Target]]:
+    """Section of the field data.
+
+    Parameters
+    ----------
+    folder : Path
+        Where they are, see `field_data`.
+
+    Returns
+    -------
+    text : str
+        Without heading.
+    targets : list of Target
+        Of rover and tractor.
+
+    Raises
+    ------
+    ValueError
+        If a file is not there.
+    """
     starts = [0.94 * field_data.ROVER_RADIUS, 1.06 * field_data.ROVER_RADIUS]
-    rovers = [field_data.rover(start) for start in starts]
-    jumps = field_data.rover_jumps()
-    tractors = [field_data.tractor(scale) for scale in (0.94, 1.0, 1.06)]
+    rovers = [field_data.rover(folder, start) for start in starts]
+    jumps = field_data.rover_jumps(folder)
+    tractors = [field_data.tractor(folder, scale) for scale in (0.94, 1.0, 1.06)]
     rover_rows = [
         [
             f'{each.start_radius:.4f}',
@@ -254,38 +322,38 @@ def field_section(table):
     first, work = rovers[0], tractors[0]
     free = max(abs(work.slip[state]) for state in 'MT')
     rises = bool(np.all(np.diff(work.slip_by_torque) > 0))
-    verdict = [
-        (
+    targets = [
+        Target(
             f'rover: radius within {100 * RADIUS_WITHIN:g} % from a 6 % wrong start',
             f'after {first.found:.1f} s',
             f'{FOUND_BY:g} s',
             first.found <= FOUND_BY,
         ),
-        (
+        Target(
             'rover: slip bias after that',
             f'{first.slip_bias:+.4f}',
             f'±{SLIP_BIAS:g}',
             abs(first.slip_bias) < SLIP_BIAS,
         ),
-        (
+        Target(
             'rover: jumps of 0.3 m rejected',
             f'{jumps.refused} of {jumps.jumps}',
             'all',
             jumps.refused == jumps.jumps,
         ),
-        (
+        Target(
             'tractor: median slip at work',
             f'{work.slip["W"]:.4f}',
             f'{WORKING_SLIP:g} ± {WORKING_WITHIN:g}',
             abs(work.slip['W'] - WORKING_SLIP) <= WORKING_WITHIN,
         ),
-        (
+        Target(
             'tractor: median slip on road and turning, off zero',
             f'{free:.4f}',
             f'at most {FREE_SLIP:g}',
             free <= FREE_SLIP,
         ),
-        (
+        Target(
             'tractor: slip rises with engine torque, fifth by fifth',
             'yes' if rises else 'no',
             'yes',
@@ -305,11 +373,53 @@ def field_section(table):
             tractor_rows,
         ),
     }  # fmt: skip
-    return values, verdict
+    template = Path(__file__).with_name('field.template.md')
+    text = fill(template, **values, checks=target_table(targets)).strip()
+    return text, targets
 
 
-def step_time(step, count=3000):
-    """Median time of a step, s, once everything is warm."""
+def step_time_targets(control: float, estimation: float) -> list[Target]:
+    """Targets of the time of a step.
+
+    Parameters
+    ----------
+    control, estimation : float
+        Median time of a step of the LPV controller and of the estimator, s.
+
+    Returns
+    -------
+    list of Target
+        Of four wheels.
+    """
+    return [
+        Target(
+            f'{what}: step of four wheels',
+            f'{1e6 * found:.0f} us',
+            f'at most {1e6 * most:g} us',
+            found <= most,
+        )
+        for what, found, most in (
+            ('LPV controller', control, CONTROL_STEP),
+            ('estimator', estimation, ESTIMATION_STEP),
+        )
+    ]
+
+
+def step_time(step: Callable[[], None], count: int = 3000) -> float:
+    """Median time of a step once everything is warm.
+
+    Parameters
+    ----------
+    step : callable
+        One step.
+    count : int
+        Steps that are timed, at least 10.
+
+    Returns
+    -------
+    float
+        s.
+    """
     for _ in range(count // 10):
         step()
     times = np.empty(count)

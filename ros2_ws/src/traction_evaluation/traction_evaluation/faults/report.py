@@ -1,11 +1,7 @@
-"""Put faults into the running suite and measure what it makes of them: `make faults`.
-
-Prints the table, writes docs/safety.md, and ends with status 2 where a row is beyond its limit.
-"""
+"""Report on faults put into the running suite: docs/safety.md."""
 
 import tempfile
 from pathlib import Path
-from string import Template
 
 from rich.console import Console
 from rich.table import Table
@@ -19,6 +15,8 @@ from traction_evaluation.faults.bench import (
     recorded,
 )
 from traction_evaluation.faults.table import BUS_ROWS, ROWS
+from traction_evaluation.markdown import fill
+from traction_evaluation.markdown import table as markdown_table
 from traction_node.transport import keep_local
 
 HEAD = ('hazard', 'noticed by', 'safe is', 'limit', 'safe after', 'told after', 'drives after')
@@ -98,8 +96,7 @@ def write_report(describe: Describe, docs: Path) -> int:
     good = sum(o is not None and o.reaction <= row.limit for row, o in found)
     summary = f'{good} of {len(found)} faults within their limits.'
     console.print(f'{summary} Recorded: {kept} torques.')
-    rows = ('| ' + ' | '.join(line) + ' |' for line in (HEAD, ('---',) * len(HEAD), *lines))
-    template = Template(Path(__file__).with_name('safety.template.md').read_text(encoding='utf-8'))
-    text = template.substitute(summary=summary, table='\n'.join(rows), recorded=kept)
+    template = Path(__file__).with_name('safety.template.md')
+    text = fill(template, summary=summary, table=markdown_table(HEAD, lines), recorded=kept)
     (docs / 'safety.md').write_text(text, encoding='utf-8')
     return 0 if good == len(found) else 2

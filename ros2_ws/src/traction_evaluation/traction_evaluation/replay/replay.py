@@ -7,22 +7,19 @@ depends on the bag, the parameters and the code alone.
 import gc
 import hashlib
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from torque_gate.nodes.torque_gate import TorqueGateBehaviour
-from traction_controller.nodes.slip_controller import SlipControllerBehaviour
-from traction_controller.nodes.slip_estimator import SlipEstimatorBehaviour
 from traction_evaluation.drives.recording import vehicle_and_soil, vehicle_prefix
-from traction_evaluation.estimation.estimate_errors import EstimateErrors, Judge
+from traction_evaluation.loop.shipped import BEHAVIOURS, Parameters, as_yaml, shipped_parameters
+from traction_evaluation.replay.judge import EstimateErrors, Judge
 from traction_evaluation.replay.lockstep import LockStep
 from traction_model.vehicle.vehicle import load_vehicle
-from traction_node.closest import closest
-from traction_node.parameter_file import config, read_parameters
+from traction_node.parameter_file import read_parameters
 from traction_node.quality_of_service import QOS
 from traction_node.stamp import nanoseconds
 from traction_node.topics import topic
@@ -30,13 +27,6 @@ from tractor_io.bags.bag_error import BagError
 from tractor_io.bags.message_types import typestore
 from tractor_io.bags.reader import BagReader
 from tractor_io.bags.writer import BagWriter
-
-BEHAVIOURS = {
-    'slip_estimator': ('traction_controller', SlipEstimatorBehaviour),
-    'slip_controller': ('traction_controller', SlipControllerBehaviour),
-    'torque_gate': ('torque_gate', TorqueGateBehaviour),
-}
-"""What a bag is sent through: package and behaviour by the name of the node."""
 
 NOT_REPLAYED = {
     'plant_node',
@@ -51,12 +41,11 @@ NOT_REPLAYED = {
 REQUESTS = ('torque_request', 'wheel_torque_command', 'wheel_torque')
 """Topics of a bag that may be the request to the controller, the first that it holds."""
 
-_TRUTH = 'ground_truth/slip_estimate'
+TRUTH = 'ground_truth/slip_estimate'
+"""Topic that estimates are judged by."""
 
 LONGEST_PAUSE = 3600.0
 """Longest time without a message in a bag that is replayed, s: the gate goes on at 100 Hz."""
-
-Parameters = Mapping[str, Mapping[str, Any]]
 
 
 @dataclass
@@ -185,49 +174,6 @@ def chosen_parameters(
     return chosen
 
 
-def parameters_for(vehicle: str, soil: str, changes: Parameters) -> dict[str, dict[str, Any]]:
-    """Parameters of estimator, controller and gate for a vehicle.
-
-    The shipped files are for one vehicle. Another one has the defaults of the nodes, and the law
-    lqi, which needs no gain table.
-
-    Parameters
-    ----------
-    vehicle, soil : str
-        Preset, or path of a definition.
-    changes : mapping of str to mapping
-        What differs, by node.
-
-    Returns
-    -------
-    dict of str to dict
-        By node; SI units.
-
-    Raises
-    ------
-    ValueError
-        For a node that takes no part.
-    """
-    for name in changes:
-        if name not in BEHAVIOURS:
-            raise ValueError(f"a replay has no node '{name}'{closest(name, BEHAVIOURS)}")
-    chosen: dict[str, dict[str, Any]] = {}
-    for name, (package, _) in BEHAVIOURS.items():
-        shipped = read_parameters(config(package, f'{name}.yaml'))[name]
-        chosen[name] = shipped
-    if vehicle != chosen['slip_controller']['vehicle']:
-        chosen = {
-            'slip_estimator': {},
-            'slip_controller': {'law': 'lqi'},
-            'torque_gate': {'wheel_names': list(load_vehicle(vehicle).wheel_names)},
-        }
-    for name in ('slip_estimator', 'slip_controller'):
-        chosen[name] |= {'vehicle': vehicle, 'soil': soil}
-    for name, values in changes.items():
-        chosen[name] |= values
-    return chosen
-
-
 def replay(
     path: Path | str,
     *,
@@ -235,6 +181,7 @@ def replay(
     soil: str = '',
     parameters: Parameters | None = None,
     judge: Judge | None = None,
+    change_radar: Callable[[Any], Any] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Replay:
     """Send a bag through the suite in lock step.
@@ -250,6 +197,8 @@ def replay(
         What differs from the shipped parameters, by node.
     judge : Judge, optional
         What of the estimates is compared with ground truth.
+    change_radar : callable, optional
+        Gives the message to deliver in place of one of `radar`, or None for silence.
     progress : callable, optional
         Called with the share that is done, 0 to 1.
 
@@ -271,13 +220,13 @@ def replay(
     with BagReader(path) as bag:
         prefix = vehicle_prefix(bag)
         vehicle, soil = vehicle_and_soil(bag, vehicle, soil)
-        chosen = parameters_for(vehicle, soil, parameters or {})
+        chosen = shipped_parameters(vehicle, soil, parameters)
         source = bag.custom_data.get('source', '')
         result.custom_data = {
             'vehicle': vehicle,
             'soil': soil,
             'source': f'replay of: {source}' if source else 'replay',
-            'parameters': yaml.safe_dump(chosen, sort_keys=True, allow_unicode=True),
+            'parameters': as_yaml(chosen),
         }
 
         estimates: dict[int, tuple[Any, Any, float]] = {}
@@ -303,7 +252,7 @@ def replay(
         sent = {prefix + name: name for name in lockstep.inputs - produced} | (
             {prefix + request: 'torque_request'} if request else {}
         )
-        judged = prefix + _TRUTH in there
+        judged = prefix + TRUTH in there
         names = load_vehicle(vehicle).wheel_names
         if judged:
             lockstep.subscribe('slip_estimate', remember)
@@ -318,7 +267,11 @@ def replay(
                         f'{path}: nothing from {(lockstep.now - bag.start) * 1e-9:.3f} s on for '
                         f'{pause:.0f} s: cut the bag there (traction bag cut)'
                     )
-                lockstep.put(sent[message.topic], message.time, message.message)
+                content = message.message
+                if change_radar is not None and sent[message.topic] == 'radar':
+                    content = change_radar(content)
+                if content is not None:
+                    lockstep.put(sent[message.topic], message.time, content)
                 if progress is not None:
                     progress((message.time - bag.start) / max(1, bag.end - bag.start))
             lockstep.advance(bag.end)
@@ -328,7 +281,7 @@ def replay(
         if not any(name == '/slip_estimate' for name, *_ in result.messages):
             raise BagError(f'{path}: no estimate came of it: {nodes["slip_estimator"].said}')
         result.start, result.duration = bag.start, bag.duration
-        for message in bag.messages([prefix + _TRUTH]) if judged else ():
+        for message in bag.messages([prefix + TRUTH]) if judged else ():
             result.truths += 1
             ns = nanoseconds(message.message.header.stamp)
             if ns in estimates:

@@ -4,11 +4,10 @@ The same CSV gives the same bytes, radar noise included. What is in a bag, and w
 in bags/README.md.
 """
 
-import argparse
 import lzma
 import shutil
-import sys
 import tempfile
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,11 +17,8 @@ from traction_evaluation.verification.chrono import CHRONO_RUNS, ChronoRecording
 from traction_model.slip import MIN_SPEED, is_valid, slip
 from traction_node.quality_of_service import QOS
 from traction_node.topics import topic
-from tractor_io.bags.bag_error import BagError
 from tractor_io.bags.message_types import typestore
 from tractor_io.bags.writer import BagWriter
-
-BAGS = Path('bags')
 
 EPOCH = 1_000_000_000
 """Stamp of the first sample of every bag, ns."""
@@ -313,30 +309,39 @@ def import_csv(source: Path, bags: Path) -> None:
             shutil.copyfileobj(plain, packed)
 
 
-def main() -> int:
-    """Entry point of the command line."""
-    parser = argparse.ArgumentParser(description=__doc__.split('\n', 1)[0])
-    parser.add_argument('names', nargs='*', metavar='NAME', help='bags to make (default: all)')
-    parser.add_argument('--bags', type=Path, default=BAGS, help='folder of the bags')
-    parser.add_argument(
-        '--import-csv', type=Path, metavar='DIR', help='first take the CSV files from DIR'
-    )
-    arguments = parser.parse_args()
-    for name in arguments.names:
+def make_bags(
+    names: Sequence[str], bags: Path, csv: Path | None = None
+) -> Iterator[tuple[Path, int]]:
+    """Make bags anew.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Runs, keys of `CHRONO_RUNS`; empty for all.
+    bags : Path
+        Folder of all bags.
+    csv : Path, optional
+        Folder of plain CSV files to take the runs from first.
+
+    Yields
+    ------
+    path : Path
+        Each bag as it is made.
+    size : int
+        Of its MCAP file, bytes.
+
+    Raises
+    ------
+    ValueError
+        If there is no such run, or a CSV file is wrong.
+    OSError
+        If a file cannot be read or written.
+    """
+    for name in names:
         if name not in CHRONO_RUNS:
-            parser.error(f"no run '{name}'; there are: {', '.join(CHRONO_RUNS)}")
-    try:
-        if arguments.import_csv:
-            import_csv(arguments.import_csv, arguments.bags)
-        for name in arguments.names or CHRONO_RUNS:
-            remake(name, arguments.bags)
-            size = (arguments.bags / name / f'{name}.mcap').stat().st_size
-            print(f'{arguments.bags / name}: {size / 1e3:.0f} kB')
-    except (BagError, ValueError, OSError) as error:
-        print(f'make_bags: {error}', file=sys.stderr)
-        return 1
-    return 0
-
-
-if __name__ == '__main__':
-    sys.exit(main())
+            raise ValueError(f"no run '{name}'; there are: {', '.join(CHRONO_RUNS)}")
+    if csv is not None:
+        import_csv(csv, bags)
+    for name in names or CHRONO_RUNS:
+        remake(name, bags)
+        yield bags / name, (bags / name / f'{name}.mcap').stat().st_size

@@ -1,13 +1,8 @@
-"""Verify the model against Project Chrono, the paper and a sand bed: `make verify`.
+"""Report on the model against Project Chrono, the paper and a sand bed: docs/verification.md."""
 
-Writes docs/verification.md and its pictures, prints what is met and what is not, and ends with
-status 1 where a limit that is expected to hold is not met.
-"""
-
-import argparse
 import sys
 from pathlib import Path
-from string import Template
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -15,7 +10,12 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from traction_evaluation.verification.chrono import CHRONO_RUNS, SAMPLE_TIME, read_chrono
+from traction_evaluation.markdown import fill, section, table
+from traction_evaluation.verification.chrono import (
+    CHRONO_RUNS,
+    SAMPLE_TIME,
+    read_chrono,
+)
 from traction_evaluation.verification.soil_bin import compare_sand_bed
 from traction_evaluation.verification.verification import (
     CONTACT_OFFSET,
@@ -34,14 +34,14 @@ from traction_model.contact.contact import Form
 from traction_model.soil.empirical import rms
 from traction_model.soil.terrain import Terrain
 
-ROOT = Path.cwd()
-SAND_BED = ROOT.parent / 'shared' / 'data' / 'field' / 'single_wheel_sand.csv'
-SAND_BED_SOURCE = (
-    'measured by C. Pavlov and A. M. Johnson, Carnegie Mellon University (3d-terramechanics), and '
-    'not part of this project'
-)
+SAND_BED = 'single_wheel_sand.csv'
+"""File of the field data, measured by C. Pavlov and A. M. Johnson, Carnegie Mellon University
+(3d-terramechanics), and not part of this project."""
+
 SAND_BED_LIMIT = 0.05
-SAND_BED_HEADING = '## 4. A single wheel in a sand bed\n'
+"""RMS of drawbar over load, fitted, on the tested half."""
+
+SAND_BED_HEADING = '## 4. A single wheel in a sand bed'
 
 FORMS = (Form.PAPER, Form.BEKKER_WONG, Form.CONTACT)
 HEADINGS = ('v max, m/s', 'v mean', 'ω max, rad/s', 'ω mean', 'slip max', 'slip mean')
@@ -49,7 +49,7 @@ AVERAGED = 9  # samples, odd
 DIGITS = (3, 3, 3, 3, 4, 4)
 
 # What is taken away from the contact form, one at a time: (text, arguments of `follow`).
-WITHOUT = (
+WITHOUT: tuple[tuple[str, dict[str, Any]], ...] = (
     ('all of it', {}),
     ('no contact offset', {'offset': 0.0}),
     ('no shear step', {'shear_step': 0.0}),
@@ -65,18 +65,6 @@ def cells(found, limits=None, factor=1.0):
         text = f'{value:.{DIGITS[k]}f}'
         row.append(f'**{text}**' if limits and value > factor * limits[k] else text)
     return row
-
-
-def table(headings, rows):
-    """Markdown table."""
-    lines = ['| ' + ' | '.join(headings) + ' |', '|---' * len(headings) + '|']
-    return '\n'.join(lines + ['| ' + ' | '.join(row) + ' |' for row in rows])
-
-
-def template(name, **values):
-    """Text of a template beside this file, filled in."""
-    text = Path(__file__).with_name(f'{name}.template.md').read_text(encoding='utf-8')
-    return Template(text).substitute(values)
 
 
 def draw_runs(recordings, motions, path):
@@ -217,22 +205,42 @@ def sand_bed_section(comparisons):
         'wheel', 'trials', 'RMS, published soil', 'RMS, fitted half', 'RMS, tested half',
         'share of strength', 'K, mm', 'RMS braking, published soil',
     )  # fmt: skip
-    return template('sand_bed', table=table(headings, rows))
+    template = Path(__file__).with_name('sand_bed.template.md')
+    return fill(template, table=table(headings, rows))
 
 
-def main():
-    """Run everything and write the report."""
-    parser = argparse.ArgumentParser(description=__doc__.split('\n', 1)[0])
-    parser.add_argument('--docs', type=Path, default=ROOT / 'docs', help='folder to write to')
-    docs = parser.parse_args().docs
+def verify(docs: Path, bags: Path, field_data: Path | None = None) -> int:
+    """Compare the model with all recordings and write the report.
+
+    Parameters
+    ----------
+    docs : Path
+        Folder of ``verification.md`` and of ``images``.
+    bags : Path
+        Folder of the bags, with Project Chrono's recordings.
+    field_data : Path, optional
+        Folder of the field data; without it the section of the sand bed stays as it is.
+
+    Returns
+    -------
+    int
+        Exit status: 0, or 1 where a limit that is expected to hold does not.
+
+    Raises
+    ------
+    ValueError
+        If a recording is not there.
+    """
     # A file has no width of its own.
     console = Console(width=None if sys.stdout.isatty() else 150)
     (docs / 'images').mkdir(parents=True, exist_ok=True)
 
-    recordings = {
-        name: read_chrono(ROOT / 'bags' / name / f'{name}.csv.xz', run)
-        for name, run in CHRONO_RUNS.items()
-    }
+    recordings = {}
+    for name, run in CHRONO_RUNS.items():
+        path = bags / name / f'{name}.csv.xz'
+        if not path.is_file():
+            raise ValueError(f'{path} is not there: give the folder of the bags (--bags)')
+        recordings[name] = read_chrono(path, run)
     found, motions = {}, {}
     work = [(name, form) for name in recordings for form in FORMS]
     for name, form in track(work, 'following Chrono', console=console, transient=True):
@@ -269,8 +277,11 @@ def main():
             )
     console.print(summary)
 
-    if SAND_BED.exists():
-        comparisons = compare_sand_bed(SAND_BED)
+    if field_data is not None:
+        sand_bed_file = field_data / SAND_BED
+        if not sand_bed_file.is_file():
+            raise ValueError(f'{sand_bed_file} is not there: give the folder of the field data')
+        comparisons = compare_sand_bed(sand_bed_file)
         draw_sand_bed(comparisons, docs / 'images' / 'verification_sand_bed.png')
         sand_bed = sand_bed_section(comparisons)
         tested = np.concatenate(
@@ -285,16 +296,11 @@ def main():
         )
         unexpected |= rms(tested) > SAND_BED_LIMIT
     else:
-        # Without the trials the section stays as it was.
-        written = ROOT / 'docs' / 'verification.md'
-        _, _, sand_bed = written.read_text(encoding='utf-8').partition(SAND_BED_HEADING)
-        console.print(
-            f'sand bed: section left as it was, there is no {SAND_BED}: {SAND_BED_SOURCE}',
-            soft_wrap=True,
-        )
+        sand_bed = section(docs / 'verification.md', SAND_BED_HEADING)
+        console.print('sand bed: section left as it was: no field data were given')
 
-    text = template(
-        'verification',
+    text = fill(
+        Path(__file__).with_name('verification.template.md'),
         runs=len(recordings),
         start=f'{START:g}',
         sand_bed=sand_bed.strip(),
@@ -303,7 +309,3 @@ def main():
     (docs / 'verification.md').write_text(text, encoding='utf-8')
     console.print(f'report   {docs / "verification.md"}', soft_wrap=True)
     return int(unexpected)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

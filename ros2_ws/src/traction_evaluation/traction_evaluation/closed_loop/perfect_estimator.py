@@ -1,0 +1,95 @@
+"""Estimator without error, which tells errors of estimation from those of control."""
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from traction_controller.estimation.slip_filter import Source
+from traction_model.contact.contact import shear_deficit
+from traction_model.simulation.plant import Plant
+from traction_model.soil.terrain import soil_row
+
+Array = NDArray[np.float64]
+
+
+class PerfectEstimator:
+    """What a perfect estimator would say of a simulated vehicle.
+
+    Parameters
+    ----------
+    plant : Plant
+        The vehicle.
+
+    Attributes
+    ----------
+    v : float
+        Speed over ground, m/s.
+    slip, slip_variance, rim_speed, valid, gross_traction : ndarray, shape (n,)
+        As of `VehicleEstimator`; dimensionless, dimensionless, m/s, dimensionless, N.
+    source : Source
+        Ground: the speed counts as measured.
+    """
+
+    def __init__(self, plant: Plant) -> None:
+        self._plant = plant
+        self.slip_variance = np.zeros(plant.n_wheels)
+        self.source = Source.GROUND
+        self._look()
+
+    def _look(self) -> None:
+        plant = self._plant
+        self.v = plant.v
+        self.slip = np.array(plant.slip)
+        self.rim_speed = plant.rim_speed
+        self.valid = np.array(plant.slip_valid)
+        self.gross_traction = plant.gross_traction
+
+    def wheel_states(self, t: float, omega: ArrayLike, torque: ArrayLike) -> bool:
+        """Look at the plant, whatever the sensors say.
+
+        Parameters
+        ----------
+        t : float
+            Time, s.
+        omega, torque : array_like, shape (n,)
+            Readings, rad/s and N·m; not used.
+
+        Returns
+        -------
+        bool
+            True.
+        """
+        self._look()
+        return True
+
+    def radar(self, t: float, v: float, variance: float) -> bool:
+        """Pass over a radar reading.
+
+        Parameters
+        ----------
+        t, v, variance : float
+            Stamp, s, reading, m/s, and its variance, m²/s²; not used.
+
+        Returns
+        -------
+        bool
+            True.
+        """
+        return True
+
+    @property
+    def slip_stiffness(self) -> Array:
+        """Slope of thrust over slip through the plant's sinkage and tau_max, N, shape (n,)."""
+        plant, terrain, vehicle = self._plant, self._plant.terrain, self._plant.vehicle
+        slopes = []
+        for j, (wheel, track) in enumerate(zip(vehicle.wheels, vehicle.tracks, strict=True)):
+            row = soil_row(plant.x + float(vehicle.wheel_positions[j]), terrain.starts)
+            depth = min(max(float(plant.sinkage[j]), 1e-3), wheel.radius)
+            length = wheel.contact_length(depth)
+            path = length / terrain.soil(row, track).shear_deformation_modulus
+            # As of 1 - kappa at y = |i|*l/K: (kappa - exp(-y))/y, 1/2 at y = 0.
+            y = max(abs(float(self.slip[j])) * path, 1e-6)
+            slope = (shear_deficit(y) - math.exp(-y)) / y if y > 1e-4 else 0.5
+            slopes.append(wheel.width * length * path * slope)
+        return np.asarray(np.array(plant.max_shear_stress) * np.array(slopes))
