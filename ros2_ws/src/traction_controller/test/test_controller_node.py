@@ -11,7 +11,8 @@ from std_msgs.msg import Float64
 from traction_controller.control.driveline import Differential, Grouping
 from traction_controller.control.exit_reason import ExitReason, LimitStatus
 from traction_controller.control.set_point import SetPoint
-from traction_controller.control.slip_control import Degraded, Mode, TargetSource
+from traction_controller.control.slip_control import Mode, TargetSource
+from traction_controller.control.wheel_outcome import Degraded
 from traction_controller.estimation.slip_filter import SlipFilter
 from traction_controller.synthesis.gain_table import read_gain_table
 from traction_interfaces.msg import SlipEstimate, TerrainEstimate

@@ -9,9 +9,10 @@ from traction_controller.control.driveline import Differential, Grouping
 from traction_controller.control.exit_reason import ExitReason
 from traction_controller.control.laws.law import SlipLaw, soil_moment
 from traction_controller.control.set_point import SetPoint
-from traction_controller.control.slip_control import Degraded, Mode, SlipControl, TargetSource
+from traction_controller.control.slip_control import Mode, SlipControl, TargetSource
 from traction_controller.control.slip_controller import SlipController
 from traction_controller.control.slip_state import SlipState
+from traction_controller.control.wheel_outcome import Degraded
 from traction_controller.nodes.slip_controller import SlipControllerBehaviour
 from traction_model.contact.tractive import static_contact_length
 from traction_model.soil.soil import load_soil

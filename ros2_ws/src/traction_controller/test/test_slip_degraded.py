@@ -8,8 +8,9 @@ import pytest
 from traction_controller.control.driveline import Differential, Grouping
 from traction_controller.control.exit_reason import ExitReason, LimitStatus
 from traction_controller.control.laws.registry import LAWS
-from traction_controller.control.slip_control import Degraded, Mode, SlipControl
+from traction_controller.control.slip_control import Mode, SlipControl
 from traction_controller.control.slip_state import SlipState
+from traction_controller.control.wheel_outcome import Degraded
 from traction_model.vehicle.vehicle import load_vehicle
 
 TRACTOR = load_vehicle('tractor_4wd')

@@ -4,15 +4,10 @@ from traction_controller.control.driveline import Differential, Grouping
 from traction_controller.control.exit_reason import ExitReason, LimitStatus
 from traction_controller.control.laws.law import SlipLaw, WheelState
 from traction_controller.control.laws.registry import LAWS, make_law
-from traction_controller.control.slip_control import (
-    Degraded,
-    Mode,
-    SlipControl,
-    TargetSource,
-    WheelOutcome,
-)
+from traction_controller.control.slip_control import Mode, SlipControl, TargetSource
 from traction_controller.control.slip_controller import SlipController
 from traction_controller.control.slip_state import SlipState
+from traction_controller.control.wheel_outcome import Degraded, WheelOutcome
 from traction_controller.estimation.gnss import GnssTrack
 from traction_controller.estimation.immobilisation import Immobilisation
 from traction_controller.estimation.odometry import PathOdometry

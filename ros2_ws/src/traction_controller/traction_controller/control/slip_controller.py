@@ -12,13 +12,9 @@ from traction_controller.control.driveline import Differential, Grouping, driven
 from traction_controller.control.laws.law import SlipLaw
 from traction_controller.control.laws.registry import LAWS
 from traction_controller.control.set_point import SetPoint
-from traction_controller.control.slip_control import (
-    Mode,
-    SlipControl,
-    TargetSource,
-    WheelOutcome,
-)
+from traction_controller.control.slip_control import Mode, SlipControl, TargetSource
 from traction_controller.control.slip_state import SlipState
+from traction_controller.control.wheel_outcome import WheelOutcome
 from traction_controller.synthesis.gain_schedule import ControlWeights
 from traction_controller.synthesis.gain_table import find_gain_table, read_gain_table
 from traction_model.soil.soil import load_soil

@@ -8,9 +8,10 @@ import math
 from traction_controller.control.driveline import DRIVEN_AXLES, Differential, Grouping
 from traction_controller.control.exit_reason import ExitReason
 from traction_controller.control.laws.registry import LAWS
-from traction_controller.control.slip_control import Degraded, SlipControl
+from traction_controller.control.slip_control import SlipControl
 from traction_controller.control.slip_controller import SlipController
 from traction_controller.control.slip_state import SlipState
+from traction_controller.control.wheel_outcome import Degraded
 from traction_controller.estimation.slip_filter import Source
 from traction_controller.synthesis.gain_schedule import ControlWeights
 from traction_node import diagnostic
