@@ -101,7 +101,7 @@ def test_lqr_costs_what_the_riccati_equation_says(known):
         )
         loop = slip_loop(pole, 0.2, design.period, 2, 2, design.moment_time)
         size = np.ones(design.n_states)
-        size[TORQUE:] = design.answer(np.array(pole))
+        size[TORQUE:] = design.torque_factor(np.array(pole))
         A = loop.A * size / size[:, None]
         B = (loop.B / size * size[TORQUE])[:, None]
         weights = np.zeros((design.n_states,) * 2)

@@ -17,7 +17,7 @@ from traction_model.vehicle.vehicle import Vehicle
 
 
 class Grouping(IntEnum):
-    """Which wheels are controlled as one, numbered as in the ControllerState message."""
+    """Wheels that are controlled as one, numbered as in the ControllerState message."""
 
     WHEEL = 0
     AXLE = 1
@@ -25,14 +25,14 @@ class Grouping(IntEnum):
 
 
 class Differential(IntEnum):
-    """Whether the wheels of a group turn alike, numbered as in the ControllerState message."""
+    """Differential between the wheels of a group, numbered as in the ControllerState message."""
 
     OPEN = 0
     LOCKED = 1
 
 
 DRIVEN_AXLES = ('all', 'front', 'rear')
-"""Which axles may be driven: all, the first, or all behind the first."""
+"""Choices of driven axles: all, the first, or all behind the first."""
 
 
 def driven_axles(vehicle: Vehicle, which: str) -> tuple[int, ...]:

@@ -202,7 +202,7 @@ class SlipControl:
 
     @property
     def mode(self) -> Mode:
-        """Whether slip is limited or held."""
+        """Mode in force."""
         return self._mode
 
     @mode.setter

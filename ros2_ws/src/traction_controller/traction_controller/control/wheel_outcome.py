@@ -19,7 +19,7 @@ class Degraded(IntFlag):
 
     @property
     def words(self) -> str:
-        """What is missing as a text."""
+        """Names of what is missing as a text."""
         missing = [str(flag.name).lower().replace('_', ' ') for flag in Degraded if flag & self]
         return f'without {", ".join(missing)}' if missing else 'nothing is missing'
 

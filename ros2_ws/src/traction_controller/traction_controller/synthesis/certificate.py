@@ -50,7 +50,7 @@ class CertificateError(ValueError):
 
 
 class LoopDesign(Definition):
-    """What a table of gains is designed for.
+    """Design data of a gain table: the loop, its uncertainty and the weights.
 
     Attributes
     ----------
@@ -75,9 +75,13 @@ class LoopDesign(Definition):
     stiffness_rate, rim_speed_rate : float
         Bounds of ``|d ln C/dt|`` and ``|d ln V/dt|``, 1/s, at least 0.
     moment_time : float
-        Time constant with which the soil's moment is measured, s, above 0.
+        Time constant of the measured moment in the loop, s, above 0. The slip filter smooths
+        shaft torque and wheel acceleration by one and the same low-pass, of 0.04 s
+        (`traction_controller.estimation.filter_step.FILTER`), and their difference is the
+        measured moment. The default, 0.05 s, is longer by one period of 0.01 s. The guarantee
+        holds for the value given; other values are not checked.
     response_time : float
-        Time in which slip is to answer, s, above 0: the weight of slip error against effort.
+        Wanted time constant of slip, s, above 0: the weight of slip error against effort.
     effort : float
         Weight of the command in z, over what a slip error of 1 asks for, dimensionless.
     """
@@ -170,8 +174,8 @@ class LoopDesign(Definition):
         error = math.log(self.stiffness_error)
         return np.asarray(np.exp(np.linspace(-error, error, self.error_cells + 1)))
 
-    def answer(self, pole: NDArray[np.float64]) -> Array:
-        """How much torque a rate of slip takes, over G.
+    def torque_factor(self, pole: NDArray[np.float64]) -> Array:
+        """Torque that a rate of slip takes, over G: ``1 + p*t``.
 
         Parameters
         ----------
@@ -181,8 +185,8 @@ class LoopDesign(Definition):
         Returns
         -------
         ndarray, of the shape of `pole`
-            1 for a soil that does not answer; with its answer, more by what arrives before the
-            command has: the pole times lag, delay and time of the measurement.
+            Dimensionless, at least 1. The soil's moment follows the slip with the pole p and
+            takes part of the torque during t, the mean lag, mean delay and `moment_time`.
         """
         late = sum(self.lags) / 2 + sum(self.delays) / 2 * self.period + self.moment_time
         return np.asarray(1.0 + pole * late)
@@ -202,7 +206,7 @@ class Certificate(Definition):
         At every pole gamma or the cost, for all cells, dimensionless.
     lyapunov : nested tuples of float
         P in every cell of delay, lag and f, at every pole: the upper triangle row by row; torques
-        counted over G and over `LoopDesign.answer`, dimensionless.
+        counted over G and over `LoopDesign.torque_factor`, dimensionless.
     """
 
     design: LoopDesign
@@ -247,7 +251,7 @@ class Certificate(Definition):
 
 @dataclass(frozen=True)
 class Margins:
-    """What a check found.
+    """Result of a check.
 
     Attributes
     ----------
@@ -289,7 +293,7 @@ def closed_loop(
     -------
     A, E, C : ndarray
         ``x+ = A*x + E*w``, ``z = C*x``, dimensionless: torques count over G and
-        `LoopDesign.answer`, and so does the soil's disturbance.
+        `LoopDesign.torque_factor`, and so does the soil's disturbance.
     """
     place, lag, factor = np.broadcast_arrays(place, lag, factor)
     pole = design.pole_at(place)
@@ -301,7 +305,7 @@ def closed_loop(
     feedback[..., FIRST_COMMAND:] = -taken[..., 2:]
     A = loop.A + loop.B[..., :, None] * feedback[..., None, :]
     size = np.ones((*place.shape, design.n_states))
-    size[..., TORQUE:] = design.answer(pole)[..., None]
+    size[..., TORQUE:] = design.torque_factor(pole)[..., None]
     A = A * size[..., None, :] / size[..., :, None]
     E = loop.E / size[..., :, None]
     E[..., 0] *= size[..., MOMENT, None]
@@ -337,7 +341,7 @@ def cells(design: LoopDesign) -> Iterator[tuple[tuple[int, int, int], int, Array
 
 
 def moves(design: LoopDesign, place: Array) -> Iterator[tuple[Array, Array]]:
-    """Where a slip pole can have moved within a sample, at every vertex of the rates.
+    """Go through the places that a slip pole can reach within a sample, by vertex of the rates.
 
     Parameters
     ----------
@@ -358,9 +362,9 @@ def moves(design: LoopDesign, place: Array) -> Iterator[tuple[Array, Array]]:
         stiffer = stiffness * design.stiffness_rate * design.period
         faster = speed * design.rim_speed_rate * design.period
         there = design.place_of(pole * math.exp(stiffer - faster))
-        # G grows with rim speed, and the answer with the pole.
-        answers = design.answer(pole) / design.answer(design.pole_at(there))
-        yield there, answers * math.exp(-faster)
+        # G grows with rim speed, and the torque factor with the pole.
+        factor = design.torque_factor(pole) / design.torque_factor(design.pole_at(there))
+        yield there, factor * math.exp(-faster)
 
 
 def check(certificate: Certificate, density: int = 1) -> Margins:
@@ -481,8 +485,8 @@ def _contractions(
             N = np.concatenate([up[:, None] @ A @ back[:, None], C @ back[:, None]], axis=2)
         least = np.minimum(least, 1 - _largest_singular(N))
     if design.kind == 'lqr':
-        spread = np.swapaxes(np.linalg.cholesky(here), 1, 2)[:, None] @ E
-        cost = np.max(np.sum(spread**2, axis=2), axis=2)
+        jump = np.swapaxes(np.linalg.cholesky(here), 1, 2)[:, None] @ E
+        cost = np.max(np.sum(jump**2, axis=2), axis=2)
         least = np.minimum(least, 1 - np.sqrt(cost) / root[..., 0, 0])
     return least
 

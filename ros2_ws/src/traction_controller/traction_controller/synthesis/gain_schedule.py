@@ -25,7 +25,7 @@ from traction_model.vehicle.wheel import Wheel
 
 @dataclass(frozen=True)
 class ControlWeights:
-    """What the regulator weighs against each other; all above 0.
+    """Weights of the regulator; all above 0.
 
     Attributes
     ----------

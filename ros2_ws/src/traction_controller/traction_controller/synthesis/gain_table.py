@@ -24,7 +24,7 @@ from traction_model.vehicle.wheel import Wheel
 from traction_node.closest import closest
 
 FORMAT: Literal['traction gain table 1'] = 'traction gain table 1'
-"""What the files say they are."""
+"""Format that the files name."""
 
 
 class GainTableError(ValueError):
@@ -32,7 +32,7 @@ class GainTableError(ValueError):
 
 
 class Scheduling(Definition):
-    """How rim speed and slip stiffness become slip pole and torque scale.
+    """Conversion of rim speed and slip stiffness into slip pole and torque scale.
 
     Attributes
     ----------

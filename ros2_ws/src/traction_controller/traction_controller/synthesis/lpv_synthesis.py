@@ -136,13 +136,13 @@ def _cvxpy() -> Any:
 
 
 def _open_loop(design: LoopDesign, pole: float, lag: float) -> tuple[Array, Array, Array, Array]:
-    """A, B, E and sizes of states at the mean delay, torques over G and the answer."""
+    """A, B, E and sizes of states at the mean delay, torques over G and the torque factor."""
     delay = (design.delays[0] + design.delays[1]) // 2
     loop = slip_loop(pole, lag, design.period, delay, design.delays[1], design.moment_time)
     size = np.ones(design.n_states)
-    size[TORQUE:] = design.answer(np.array(pole))
+    size[TORQUE:] = design.torque_factor(np.array(pole))
     A = loop.A * size / size[:, None]
-    # The command counts over G and the answer, too.
+    # The command counts over G and the torque factor, too.
     B = (loop.B / size * size[TORQUE])[:, None]
     E = loop.E / size[:, None]
     E[:, 0] *= size[MOMENT]
@@ -158,9 +158,9 @@ def _weights(design: LoopDesign) -> tuple[float, float]:
 
 
 def _as_gains(design: LoopDesign, K: Array) -> Array:
-    """Gains as a table has them, from feedbacks over G and the answer, shape (grid, s)."""
+    """Gains as a table has them, from feedbacks over G and the torque factor, shape (grid, s)."""
     size = np.ones((design.grid, design.n_states))
-    size[:, TORQUE:] = design.answer(design.poles)[:, None]
+    size[:, TORQUE:] = design.torque_factor(design.poles)[:, None]
     K = -K / size * size[:, TORQUE, None]
     return np.column_stack([K[:, ERROR], K[:, TORQUE], K[:, FIRST_COMMAND:]])
 
@@ -195,12 +195,12 @@ def _hinf_gains(design: LoopDesign) -> Array:
     weighed[0, ERROR] = weight
     pushed = np.array([[0.0], [effort]])
     constraints = []
-    answers = []
+    solved = []
     for k, pole in enumerate(design.poles):
         G = to_known @ cp.Variable((s - 1, s - 1)) @ to_known.T
         G = G + to_moment @ cp.Variable((1, s))
         Y = cp.Variable((1, s - 1))
-        answers.append((G, Y))
+        solved.append((G, Y))
         command = Y @ to_known.T
         places = np.array([float(k)])
         for X_lag, lag in zip(X, design.lags, strict=True):
@@ -228,7 +228,7 @@ def _hinf_gains(design: LoopDesign) -> Array:
             constraints.append(inequality >> _EDGE * np.eye(inequality.shape[0]))
     _solve(cp, cp.sum(performance) / grid, constraints)
     K = np.zeros((grid, s))
-    for k, (G, Y) in enumerate(answers):
+    for k, (G, Y) in enumerate(solved):
         inner = to_known.T @ G.value @ to_known
         K[k, known] = np.linalg.solve(inner.T, Y.value[0])
     return _as_gains(design, K @ unscaled)

@@ -1,8 +1,8 @@
 """The slip loop that gains are designed for: one wheel, its drive's lag and delay, sampled.
 
-While a wheel drives, its slip obeys ``i' = (1 - i)/(J*omega)*(T - M - A)``, with M what turns
-against the shaft (soil and bearings) and ``A = J*omega*v'/v`` what the vehicle's own acceleration
-takes. Counted over ``G = J*omega/(1 - i)``, torques are
+While a wheel drives, its slip obeys ``i' = (1 - i)/(J*omega)*(T - M - A)``, with M the torque that
+acts against the shaft (soil and bearings) and ``A = J*omega*v'/v`` the torque that the vehicle's
+own acceleration takes. Counted over ``G = J*omega/(1 - i)``, torques are
 
     i' = q - m,   q' = (c - q)/lag,   m' = p*(q - m),   p = r*C/G
 
@@ -11,8 +11,8 @@ speed, and what is known badly, the slip stiffness C, enters by the slip pole p 
 damping. M and A are measured, and commands count relative to them: then every state is 0 in
 steady motion whatever the soil, and the control law is a constant matrix on them. That is the
 slip-state form of the LPV model of Agriculture 2024, 14(3), 499, with the soil's moment as a
-measured disturbance. It is not linearised in slip: the soil may do what it likes, p is only how
-its moment answers to slip.
+measured disturbance. It is not linearised in slip: the soil's moment may take any
+course, and p says how fast it follows slip.
 
 The loop is built here and not from `traction_model.lpv.model.LpvModel`. An `LpvModel` is a whole
 vehicle on a given soil, its matrices exact at each scheduling vector. A certificate must hold on
@@ -116,7 +116,7 @@ def slip_loop(
     commands : int
         Number of commands that the state holds, at least `delay`.
     moment_time : float
-        Time constant with which the soil's moment is measured, s, above 0.
+        Time constant of the measured moment, s, above 0.
 
     Returns
     -------

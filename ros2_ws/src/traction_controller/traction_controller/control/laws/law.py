@@ -1,9 +1,9 @@
-"""Control law of one wheel: what it is told, what it answers, and what laws have in common.
+"""Control law of one wheel: its interface, and the functions that laws share.
 
 A law acts on one wheel, or on a group of wheels as if it were one. All it is told is counted
-along the request: slip above 0 goes with the request, and so does torque. Its answer builds on the
-torque that was really sent. So it remembers nothing that was not sent: it cannot wind up, and
-another law may go on where it stops.
+along the request: slip above 0 goes with the request, and so does torque. It starts
+from the torque that was really sent, after all limits. So its integral cannot wind up, and another
+law continues from where it stops.
 """
 
 import math

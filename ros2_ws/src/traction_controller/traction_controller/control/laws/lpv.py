@@ -7,9 +7,9 @@ shaft has beyond them. So the law is a feedback from the slip error on top of th
     u = M + A + k_i*(target - slip) - k_T*(T - M - A) - sum_j k_u[j]*(u_j - M - A)
 
 T the shaft torque, u_j the torques sent j + 1 steps ago, with the table's gains at the present rim
-speed and slip stiffness. As it goes by torques that were really sent and measured, it cannot wind
-up; a soil that gives way is answered as soon as its moment falls, whatever the estimate of its
-stiffness.
+speed and slip stiffness. It uses only torques that were really sent
+and measured, so it cannot wind up. When the soil gives way, the torque falls as soon as the soil's
+moment does, whatever the estimate of its stiffness.
 """
 
 from traction_controller.control.laws.law import (
