@@ -213,14 +213,17 @@ def test_a_golden_file_is_compared_before_it_is_replaced(tmp_path, traction):
 def test_a_parameter_file_of_the_whole_suite_will_do(tmp_path):
     path = tmp_path / 'own.yaml'
     path.write_text(
-        '/**:\n  ros__parameters: {vehicle: a}\n'
-        '/**/slip_controller:\n  ros__parameters: {autostart: true, law: lqi}\n'
+        '/**:\n  ros__parameters: {vehicle: a, use_sim_time: true, machine_id: blue}\n'
+        '/**/slip_controller:\n'
+        '  ros__parameters: {autostart: true, law: lqi, torque_rate: [1e6]}\n'
         'can_bridge:\n  ros__parameters: {port: 5}\n'
+        'ekf_filter_node:\n  ros__parameters: {frequency: 30.0}\n'
     )
     assert chosen_parameters(path, ['slip_estimator.soil=b']) == {
         'slip_estimator': {'vehicle': 'a', 'soil': 'b'},
-        'slip_controller': {'vehicle': 'a', 'law': 'lqi'},
-        'torque_gate': {'vehicle': 'a'},
+        'slip_controller': {'vehicle': 'a', 'law': 'lqi', 'torque_rate': [1e6]},
+        # It has no vehicle.
+        'torque_gate': {},
     }
 
 

@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 from geometry_msgs.msg import TwistWithCovarianceStamped
 from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.srv import GetParameters
+from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 
@@ -87,13 +89,35 @@ def test_parameter_file_is_checked_like_the_command_line(tmp_path):
     path.write_text('sample:\n  ros__parameters:\n    slip: 2\n')
     with sample(params_files=[path]) as node:
         assert node.wait() == 2
-        assert node.output == 'sample: parameter "slip" = 2 is out of range: 0 .. 1\n'
+        assert node.output == (
+            f'sample: {path}: /sample: parameter "slip" = 2 is out of range: 0 .. 1\n'
+        )
     with sample(params_files=[tmp_path / 'absent.yaml']) as node:
         assert node.wait() == 2
-        last_line = node.output.splitlines()[-1]  # rcl itself has logged one before
-        assert last_line.startswith('sample: ')
-        assert 'absent.yaml' in last_line
-        assert last_line.endswith('Error opening YAML file')
+        assert node.output == f'sample: {tmp_path}/absent.yaml: No such file or directory\n'
+
+
+def test_parameter_file_of_a_whole_robot(tmp_path):
+    shared, own = tmp_path / 'shared.yaml', tmp_path / 'own.yaml'
+    shared.write_text(
+        '/**:\n  ros__parameters: {use_sim_time: true, machine_id: blue, slip: 3e-1}\n'
+        'ekf_filter_node:\n  ros__parameters: {frequency: 30.0}\n'
+    )
+    own.write_text(
+        'field:\n  sample:\n    ros__parameters: {slip_max: 4e-1, radius: [6e-1, 1]}\n'
+        'yard:\n  sample:\n    ros__parameters: {slip_max: 0.9}\n'
+    )
+    files = [shared, own]
+    with sample(params_files=files, params={'mode': 'hold'}, namespace='field') as node:
+        with Probe('field') as probe:
+            request = GetParameters.Request(
+                names=['slip', 'slip_max', 'radius', 'mode', 'use_sim_time']
+            )
+            values = probe.call(GetParameters, 'sample/get_parameters', request).values
+        slip, slip_max, radius, mode, simulated = map(parameter_value_to_python, values)
+        assert (slip, slip_max, mode, simulated) == (0.3, 0.4, 'hold', True)
+        assert list(radius) == [0.6, 1.0]
+        assert node.interrupt() == 0
 
 
 def test_unknown_argument_is_refused():

@@ -27,6 +27,7 @@ from rclpy.task import Future
 
 from traction_node import diagnostic, quality_of_service
 from traction_node.parameter import ParameterError, resolve, unknown
+from traction_node.parameter_file import node_parameters
 from traction_node.topics import message_class, topic
 
 QOS = {
@@ -79,6 +80,8 @@ class _HostNode:
     ----------
     behaviour : type
         Subclass of `traction_node.behaviour.Behaviour`.
+    parameter_files : sequence of path-like
+        Parameter files, a later one overruling an earlier one, `-p` of the command line all.
     **kwargs
         For `rclpy.node.Node`.
 
@@ -94,7 +97,7 @@ class _HostNode:
         Done once the node is to end; its result is the reason.
     """
 
-    def __init__(self, behaviour, **kwargs):
+    def __init__(self, behaviour, parameter_files=(), **kwargs):
         self.active = False
         super().__init__(behaviour.NAME, **kwargs)
         self.finished = Future()
@@ -104,7 +107,10 @@ class _HostNode:
         self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(DIAGNOSTIC_PERIOD, self._report, clock=self._steady_clock)
         self._table = {row.name: row for row in behaviour.parameter_table()}
-        overrides = {name: p.value for name, p in self._parameter_overrides.items()}
+        given = {}
+        for file in parameter_files:
+            given |= self._read(file)
+        overrides = given | {name: p.value for name, p in self._parameter_overrides.items()}
         values = resolve(self._table.values(), overrides, others=self._parameters)
         self.p = SimpleNamespace(**values)
         # Nodes of tractor_io are still their own behaviour.
@@ -114,6 +120,29 @@ class _HostNode:
             self.declare_parameter(
                 name, value, descriptor(self._table[name]), ignore_override=True
             )
+        # Those of rclpy itself, such as use_sim_time, which it looks for on the command line only.
+        own = [
+            rclpy_parameter.Parameter(name, value=value)
+            for name, value in given.items()
+            if name not in self._table and name not in self._parameter_overrides
+        ]
+        if own:
+            self.set_parameters_atomically(own)
+
+    def _read(self, file):
+        """Parameters of this node from a file, each of them checked."""
+        node = self.get_fully_qualified_name()
+        known = [*self._table, *self._parameters]
+        values = node_parameters(file, node, known)
+        try:
+            for name, value in values.items():
+                if name not in known:
+                    raise unknown(name, known)
+                if name in self._table:
+                    self._table[name].check(value)
+        except ParameterError as error:
+            raise ParameterError(f'{file}: {node}: {error}') from error
+        return values
 
     @property
     def node(self):
@@ -291,9 +320,9 @@ class HostNode(_HostNode, Node):
 class LifecycleHostNode(_HostNode, LifecycleNode):
     """Node that acts on the vehicle, and therefore is configured and activated from outside."""
 
-    def __init__(self, behaviour, **kwargs):
+    def __init__(self, behaviour, parameter_files=(), **kwargs):
         self._configured = 0
-        super().__init__(behaviour, **kwargs)
+        super().__init__(behaviour, parameter_files, **kwargs)
         self._diagnostic.message = 'unconfigured'
         # rclpy lets a request for an impossible transition end the process: answer it instead.
         self._change_state = self._service_change_state.callback

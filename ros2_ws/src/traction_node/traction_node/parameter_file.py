@@ -1,10 +1,47 @@
-"""Parameter files of ROS 2: where they lie, and what they hold."""
+"""Parameter files of ROS 2: where they lie, and what they hold for a node."""
 
+import re
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import yaml
 from ament_index_python.packages import get_package_share_directory
+
+Entry = tuple[str, dict[str, Any]]
+"""Pattern of node names with namespace, such as '/**/torque_gate', and its parameters."""
+
+_WILDCARDS = {'*', '**'}
+_INTEGER = re.compile(r'[-+]?(0|[1-9][0-9]*|0[0-7]+|0x[0-9a-fA-F]+)')
+_FLOAT = re.compile(
+    r'[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)'
+)
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML with the numbers of rcl: ``1e6`` is a number, a date or ``1:30`` is a text."""
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
+        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
+        for key in keys:
+            if keys.count(key) > 1:
+                raise yaml.constructor.ConstructorError(
+                    None, None, f'{key} is given twice', node.start_mark
+                )
+        mapping: dict[Any, Any] = super().construct_mapping(node, deep)
+        return mapping
+
+
+_REPLACED = {f'tag:yaml.org,2002:{kind}' for kind in ('int', 'float', 'timestamp')}
+_Loader.yaml_implicit_resolvers = {
+    first: [(tag, pattern) for tag, pattern in resolvers if tag not in _REPLACED]
+    for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
+}
+# In this order: what is no integer may be a float.
+for _tag, _pattern in (('int', _INTEGER), ('float', _FLOAT)):
+    _Loader.add_implicit_resolver(
+        f'tag:yaml.org,2002:{_tag}', re.compile(f'^(?:{_pattern.pattern})$'), list('-+.0123456789')
+    )
 
 
 def config(package: str, name: str) -> Path:
@@ -23,8 +60,136 @@ def config(package: str, name: str) -> Path:
     return Path(get_package_share_directory(package)) / 'config' / name
 
 
+def parse(text: str) -> Any:
+    """Content of a YAML text, with the numbers of rcl.
+
+    Parameters
+    ----------
+    text : str
+        A file, or a value of the command line.
+
+    Returns
+    -------
+    object
+        Mapping, list, number, boolean or text.
+
+    Raises
+    ------
+    ValueError
+        In one line, if it is not YAML.
+    """
+    try:
+        return yaml.load(text, _Loader)
+    except yaml.YAMLError as error:
+        raise ValueError(' '.join(str(error).split())) from error
+
+
+def read_entries(path: Path | str) -> list[Entry]:
+    """All that a parameter file holds, for whatever nodes.
+
+    Parameters
+    ----------
+    path : Path or str
+        YAML file; node names may stand below namespaces, parameters below groups.
+
+    Returns
+    -------
+    list of tuple
+        Patterns of node names with leading slash, and parameters by name, in the order of the
+        file. A parameter of a group has its name behind that of the group and a dot.
+
+    Raises
+    ------
+    ValueError
+        Naming the file, if it is no such file.
+    """
+    try:
+        content = parse(Path(path).read_text(encoding='utf-8'))
+        return list(_entries('', content))
+    except (OSError, ValueError) as error:
+        said = error.strerror if isinstance(error, OSError) else error
+        raise ValueError(f'{path}: {said}') from error
+
+
+def _entries(prefix: str, content: object) -> Iterator[Entry]:
+    if not isinstance(content, dict) or (not prefix and 'ros__parameters' in content):
+        where = f' below {prefix}' if prefix else ''
+        raise ValueError(f'expected node names, each with ros__parameters{where}')
+    for key, value in content.items():
+        if key != 'ros__parameters':
+            yield from _entries(f'{prefix}/{str(key).strip("/")}', value)
+        elif isinstance(value, dict):
+            yield prefix, dict(_flat('', value))
+        elif value is not None:
+            raise ValueError(f'{prefix}: ros__parameters must be parameters by name')
+
+
+def _flat(group: str, values: dict[Any, Any]) -> Iterator[tuple[str, Any]]:
+    for key, value in values.items():
+        name = f'{group}{key}'
+        if isinstance(value, dict):
+            yield from _flat(f'{name}.', value)
+        else:
+            yield name, value
+
+
+def matches(pattern: str, node: str) -> bool:
+    """True if a pattern of a parameter file is for a node.
+
+    Parameters
+    ----------
+    pattern : str
+        Such as '/**/torque_gate': ``*`` is one name, ``**`` any number of them.
+    node : str
+        Name with namespace, such as '/tractor1/torque_gate'.
+    """
+    parts = {'**': r'(/[^/]+)*', '*': r'/[^/]+'}
+    names = pattern.strip('/').split('/')
+    expression = ''.join(parts.get(name, '/' + re.escape(name)) for name in names)
+    return re.fullmatch(expression, node) is not None
+
+
+def for_any_node(pattern: str) -> bool:
+    """True if a pattern names no node, so that not every parameter is one of every node."""
+    return pattern.rsplit('/', 1)[-1] in _WILDCARDS
+
+
+def node_parameters(path: Path | str, node: str, known: Sequence[str]) -> dict[str, Any]:
+    """Parameters that a file holds for one node.
+
+    Parameters
+    ----------
+    path : Path or str
+        Parameter file.
+    node : str
+        Name with namespace, such as '/tractor1/torque_gate'.
+    known : sequence of str
+        Parameters that the node has. Others are left out where the file gives them for any node,
+        as in ``/**``.
+
+    Returns
+    -------
+    dict of str to object
+        Values by name; what is given for the node by its name overrules what is given for any.
+
+    Raises
+    ------
+    ValueError
+        Naming the file, if it is no parameter file.
+    """
+    entries = [entry for entry in read_entries(path) if matches(entry[0], node)]
+    found: dict[str, Any] = {}
+    for pattern, values in entries:
+        if for_any_node(pattern):
+            found |= {name: value for name, value in values.items() if name in known}
+    for pattern, values in entries:
+        if not for_any_node(pattern):
+            found |= values
+    return found
+
+
 def read_parameters(path: Path | str) -> dict[str, dict[str, Any]]:
-    """Parameters by node from a parameter file of ROS 2.
+    """Parameters by node from a parameter file, whatever the namespace.
 
     Parameters
     ----------
@@ -34,21 +199,52 @@ def read_parameters(path: Path | str) -> dict[str, dict[str, Any]]:
     Returns
     -------
     dict of str to dict
-        By name of the node without namespace.
+        By name of the node without namespace; ``**`` for those of any node.
 
     Raises
     ------
     ValueError
-        If it is no such file.
+        Naming the file, if it is no parameter file, or if it gives a parameter of one node
+        different values in two namespaces.
     """
-    try:
-        text = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ValueError(f'{path}: {" ".join(str(error).split())}') from error
     found: dict[str, dict[str, Any]] = {}
-    for name, content in (text if isinstance(text, dict) else {None: None}).items():
-        values = content.get('ros__parameters') if isinstance(content, dict) else None
-        if not isinstance(values, dict):
-            raise ValueError(f'{path}: expected node names, each with ros__parameters')
-        found.setdefault(str(name).rsplit('/', 1)[-1], {}).update(values)
+    for pattern, given in read_entries(path):
+        values = found.setdefault(
+            '**' if for_any_node(pattern) else pattern.rsplit('/', 1)[-1], {}
+        )
+        for name, value in given.items():
+            if values.setdefault(name, value) != value:
+                raise ValueError(
+                    f'{path}: {pattern}: {name} is {value} here and {values[name]} in another '
+                    'namespace'
+                )
     return found
+
+
+def take_parameter_files(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Command line of a node without its parameter files, and these files.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        Command line; parameter files stand between ``--ros-args`` and ``--``.
+
+    Returns
+    -------
+    rest, files : list of str
+        What is left, and the files in their order: a later one overrules an earlier one.
+    """
+    rest: list[str] = []
+    files: list[str] = []
+    of_ros = False
+    left = iter(arguments)
+    for argument in left:
+        of_ros = argument != '--' if of_ros else argument == '--ros-args'
+        if of_ros and argument == '--params-file':
+            file = next(left, None)
+            if file is None:
+                raise ValueError('--params-file needs the path of a parameter file')
+            files.append(file)
+        else:
+            rest.append(argument)
+    return rest, files

@@ -6,6 +6,7 @@ import signal
 import sys
 import threading
 import traceback
+from collections.abc import Sequence
 
 import rclpy
 from rclpy.clock import Clock
@@ -20,6 +21,7 @@ from rclpy.utilities import remove_ros_args
 
 from traction_node.behaviour import Behaviour
 from traction_node.node import HostNode, LifecycleHostNode
+from traction_node.parameter_file import take_parameter_files
 from traction_node.transport import use_udp
 
 try:
@@ -143,15 +145,19 @@ def spin(executor: Executor, stop: Future) -> None:
         pass
 
 
-def make_node(behaviour: type[Behaviour]) -> HostNode | LifecycleHostNode:
+def make_node(
+    behaviour: type[Behaviour], parameter_files: Sequence[str] = ()
+) -> HostNode | LifecycleHostNode:
     """Node that runs a behaviour, by its `LIFECYCLE` one or the other kind.
 
     Parameters
     ----------
     behaviour : type
         Subclass of `traction_node.behaviour.Behaviour`.
+    parameter_files : sequence of str
+        Parameter files, a later one overruling an earlier one.
     """
-    return (LifecycleHostNode if behaviour.LIFECYCLE else HostNode)(behaviour)
+    return (LifecycleHostNode if behaviour.LIFECYCLE else HostNode)(behaviour, parameter_files)
 
 
 def run(behaviour: type[Behaviour], args: list[str] | None = None) -> int:
@@ -177,11 +183,12 @@ def run(behaviour: type[Behaviour], args: list[str] | None = None) -> int:
     try:
         try:
             use_udp()
+            args, files = take_parameter_files(args)
             rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
             extra = remove_ros_args(args)[1:]
             if extra:
                 raise ValueError(f'unknown argument "{extra[0]}"; give --ros-args -p NAME:=VALUE')
-            node = make_node(behaviour)
+            node = make_node(behaviour, files)
             executor = executor_for(node)
             stop_on_signal(signals, executor, node.finished)
             node.begin()

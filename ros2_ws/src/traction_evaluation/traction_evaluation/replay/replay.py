@@ -12,14 +12,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from traction_evaluation.drives.recording import vehicle_and_soil, vehicle_prefix
 from traction_evaluation.loop.shipped import BEHAVIOURS, Parameters, as_yaml, shipped_parameters
 from traction_evaluation.replay.judge import EstimateErrors, Judge
 from traction_evaluation.replay.lockstep import LockStep
 from traction_model.vehicle.vehicle import load_vehicle
-from traction_node.parameter_file import read_parameters
+from traction_node.parameter_file import parse, read_parameters
 from traction_node.quality_of_service import QOS
 from traction_node.stamp import nanoseconds
 from traction_node.topics import topic
@@ -27,16 +25,6 @@ from tractor_io.bags.bag_error import BagError
 from tractor_io.bags.message_types import typestore
 from tractor_io.bags.reader import BagReader
 from tractor_io.bags.writer import BagWriter
-
-NOT_REPLAYED = {
-    'plant_node',
-    'drive_cycle',
-    'can_bridge',
-    'tractor_ecu',
-    'bag_recorder',
-    'bag_player',
-}
-"""Nodes of the suite that take no part."""
 
 REQUESTS = ('torque_request', 'wheel_torque_command', 'wheel_torque')
 """Topics of a bag that may be the request to the controller, the first that it holds."""
@@ -137,7 +125,7 @@ def chosen_parameters(
     Parameters
     ----------
     path : Path or str, optional
-        Parameter file of ROS 2; what it has for nodes that take no part is passed over.
+        Parameter file of ROS 2; what it has for other nodes is passed over.
     assignments : sequence of str
         Each ``NODE.NAME=VALUE``, the value as in YAML; they overrule the file.
 
@@ -153,23 +141,25 @@ def chosen_parameters(
     """
     read = read_parameters(path) if path is not None else {}
     everywhere = read.pop('**', {})
-    chosen = {name: values for name, values in read.items() if name not in NOT_REPLAYED}
+    # A file may be for all nodes of a robot.
+    chosen = {name: values for name, values in read.items() if name in BEHAVIOURS}
     for name in BEHAVIOURS if everywhere else ():
-        chosen[name] = everywhere | chosen.get(name, {})
+        known = {row.name for row in BEHAVIOURS[name][1].parameter_table()}
+        shared = {key: value for key, value in everywhere.items() if key in known}
+        chosen[name] = shared | chosen.get(name, {})
     for values in chosen.values():
-        # Who replays starts them.
-        values.pop('autostart', None)
+        # The replay starts the nodes, and its time is that of the bag.
+        for ignored in ('autostart', 'use_sim_time'):
+            values.pop(ignored, None)
     for assignment in assignments:
         name, equals, text = assignment.partition('=')
         node, dot, parameter = name.partition('.')
         if not (node and dot and parameter and equals):
             raise ValueError(f"parameter '{assignment}' should read NODE.NAME=VALUE")
         try:
-            value = yaml.safe_load(text)
-        except yaml.YAMLError as error:
-            raise ValueError(
-                f"parameter '{assignment}': {' '.join(str(error).split())}"
-            ) from error
+            value = parse(text)
+        except ValueError as error:
+            raise ValueError(f"parameter '{assignment}': {error}") from error
         chosen.setdefault(node, {})[parameter] = value
     return chosen
 
