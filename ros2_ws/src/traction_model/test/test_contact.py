@@ -66,7 +66,7 @@ def test_plate_by_hand():
     # Table 1 at 0.1 m of sinkage and 20 % slip:
     # l = sqrt(2*0.5*0.1 - 0.01) = 0.3 m, A = 0.4*0.3 = 0.12 m^2;
     # p = 0.2e6*0.1^1.1 = 15886.56 Pa, W = p*A = 1906.39 N;
-    # (18) tau_max = p*tan(30 deg) = 9172.11 Pa;
+    # (15) tau_max = p*tan(30 deg) = 9172.11 Pa;
     # y = i*l/K = 0.2*0.3/0.01 = 6;
     # (21) kappa = (1 - exp(-6))/6 = 0.1662535, (22) kappa = 1/6 = 0.1666667;
     # (19) F = tau_max*A*(1 - kappa) = 917.67 N and 917.21 N;

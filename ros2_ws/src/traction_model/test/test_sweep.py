@@ -12,7 +12,7 @@ from traction_model.definition import DefinitionError
 from traction_model.simulation.sweep import (
     FIGURES,
     Draft,
-    Scenario,
+    SimulatedDrive,
     TorqueProfile,
     figures,
     quantities,
@@ -133,7 +133,7 @@ HUMPED = {
 
 
 def known_of(vehicle, soil):
-    nominal = Scenario(
+    nominal = SimulatedDrive(
         vehicle=load_vehicle(vehicle),
         soil=(soil,),
         drawbar=Draft(),
@@ -266,7 +266,7 @@ def motion(v, omega, slip):
 
 @pytest.fixture
 def scenario():
-    return Scenario(
+    return SimulatedDrive(
         vehicle=load_vehicle('single_wheel_rig'),
         soil=(load_soil('dry_sand'),),
         drawbar=Draft(pull=500.0, pull_per_speed=100.0),

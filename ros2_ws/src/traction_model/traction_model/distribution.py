@@ -44,7 +44,7 @@ class Normal(Definition):
 
 
 class Distribution(Definition):
-    """How one quantity is drawn: exactly one of the attributes is given.
+    """Distribution that one quantity is drawn from: exactly one of the attributes is given.
 
     Values follow from shares of probability by the inverse distribution function, so that
     any set of points in the unit cube (random, Latin hypercube, Sobol) can be drawn from.

@@ -1,4 +1,4 @@
-"""How kernels are compiled: Numba, cached on disk, or plain Python with NUMBA_DISABLE_JIT=1.
+"""Compilation of kernels: Numba, cached on disk, or plain Python with NUMBA_DISABLE_JIT=1.
 
 Division by zero gives infinity as in C, not an exception, and the machine code is cached beside
 the module. Sums may be taken in another order, so that loops over points of a contact use the

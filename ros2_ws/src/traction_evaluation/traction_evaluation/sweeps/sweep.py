@@ -24,7 +24,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
-from traction_model.simulation.sweep import FIGURES, Draw, Row, Sweep, simulate_draws
+from traction_model.simulation.sweep import FIGURES, Row, Sweep, SweepDraw, simulate_draws
 
 SAVE_EVERY = 30.0
 """Time between savings of the rows that are finished, s: what a machine that fails can lose."""
@@ -219,14 +219,14 @@ def _cores() -> int:
     return len(os.sched_getaffinity(0))
 
 
-def _chunks(draws: Sequence[Draw], workers: int) -> list[Sequence[Draw]]:
+def _chunks(draws: Sequence[SweepDraw], workers: int) -> list[Sequence[SweepDraw]]:
     """Draws as they are handed out: enough pieces that no worker idles long at the end."""
     size = max(1, min(MAX_DRAWS, math.ceil(len(draws) / (8 * workers))))
     return [draws[k : k + size] for k in range(0, len(draws), size)]
 
 
 def _on_cores(
-    sweep: Sweep, draws: Sequence[Draw], workers: int, add: Callable[[list[Row]], None]
+    sweep: Sweep, draws: Sequence[SweepDraw], workers: int, add: Callable[[list[Row]], None]
 ) -> None:
     """Simulate in processes of this machine."""
     # Spawned: a fork would copy whatever threads hold in this process.
@@ -276,7 +276,7 @@ def _interrupts_ignored() -> Iterator[None]:
 
 
 def _on_cluster(
-    sweep: Sweep, draws: Sequence[Draw], url: str, add: Callable[[list[Row]], None]
+    sweep: Sweep, draws: Sequence[SweepDraw], url: str, add: Callable[[list[Row]], None]
 ) -> None:
     """Simulate on the workers of a Dask cluster."""
     try:

@@ -50,9 +50,10 @@ class Form(IntEnum):
     Attributes
     ----------
     PAPER
-        Thrust with kappa = 1/y, the paper's (22): right above about 10 % slip only.
+        Thrust with kappa = 1/y, the paper's (22) without the exponential: right above about
+        10 % slip only.
     BEKKER_WONG
-        Thrust with kappa = (1 - exp(-y))/y, the paper's (21).
+        Thrust with kappa = (1 - exp(-y))/y, the paper's (18), (19) and nonlinear model (21).
     CONTACT
         Stresses integrated over the contact arc, after Wong and Reece.
     EMPIRICAL
@@ -117,7 +118,7 @@ UNTOUCHED = fresh_ruts(0, 0.0)
 
 @inlined
 def shear_deficit(y):
-    """Share of the shear strength not yet mobilised along the contact, the paper's kappa (21).
+    """Share of the shear strength not yet mobilised along the contact, kappa in the paper's (19).
 
     Parameters
     ----------
@@ -540,6 +541,10 @@ def arc_contact(
     Chrono's SCM; shear displacement is integrated in closed form. A wheel wider than the rut
     that it meets runs on fresh soil beside it. Within `MIN_TRANSIT_SPEED` of standstill the
     contact passes evenly from one side of the wheel to the other, and ruts fade out.
+
+    In front of the angle at which ``r*omega*cos(theta) = v`` the rim shears soil forward, so that
+    thrust grows with load only while the whole contact lies behind it, ``z < r*i`` when driving
+    on fresh soil. A wheel that is sunk deeper loses thrust at little slip as it sinks further.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ from traction_node.closest import closest
 Array = NDArray[np.float64]
 
 Coordinates = Literal['terms', 'schedule']
-"""What an affine model is affine in: the model's `LpvModel.terms`, or rho itself."""
+"""Coordinates that an affine model is affine in: the model's `LpvModel.terms`, or rho itself."""
 
 
 def coordinates_of(model: LpvModel, rho: Schedule, coordinates: Coordinates) -> Array:

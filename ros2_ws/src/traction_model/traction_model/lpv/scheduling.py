@@ -35,7 +35,7 @@ class SchedulingParameter:
     reciprocal: bool = False
 
     def extremes(self, j: int) -> tuple[float, ...]:
-        """Where on its range a monotone function takes its extremes.
+        """Values of the parameter at which a monotone function takes its extremes.
 
         Parameters
         ----------

@@ -164,7 +164,7 @@ class Plant:
 
     @property
     def terrain(self) -> Terrain:
-        """What it drives on; may be changed on the way, SI units. Ruts stay."""
+        """Terrain that it drives on, SI units; may be changed on the way, ruts stay."""
         return self._terrain
 
     @terrain.setter
@@ -214,7 +214,7 @@ class Plant:
 
     @property
     def slip_valid(self) -> list[bool]:
-        """Whether each wheel's slip means anything, n entries."""
+        """Validity of every wheel's slip: rim or vehicle is fast enough, n entries."""
         return [is_valid(self.v, float(rim), MIN_SPEED) for rim in self.rim_speed]
 
     @property

@@ -61,7 +61,7 @@ class Tachometer:
 
 @dataclass(frozen=True)
 class RadarModel:
-    """What is wrong with a ground speed radar.
+    """Faults of a ground speed radar.
 
     Attributes
     ----------

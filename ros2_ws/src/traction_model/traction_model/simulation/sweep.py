@@ -79,7 +79,7 @@ LAW_UNITS = {
 
 
 class Figure(NamedTuple):
-    """What a figure of a drive is.
+    """Figure of a drive: its name, unit and meaning.
 
     Attributes
     ----------
@@ -237,7 +237,7 @@ class Draft(Definition):
     ramp: float = Field(default=0.0, ge=0)
 
 
-class Scenario(Definition):
+class SimulatedDrive(Definition):
     """One drive: all numbers that a sweep can vary.
 
     Attributes
@@ -338,7 +338,7 @@ class Quantity:
     name : str
         How a definition names it, e.g. ``soil.cohesion``.
     path : tuple of str and int
-        Where it lies in a `Scenario`.
+        Where it lies in a `SimulatedDrive`.
     unit : str
         Unit of its values; '' for a whole soil, whose values are names.
     nominal : float or str
@@ -359,7 +359,7 @@ class Quantity:
 
 
 @dataclass(frozen=True)
-class Draw:
+class SweepDraw:
     """One point of a sweep.
 
     Attributes
@@ -382,7 +382,7 @@ class Sweep:
     ----------
     definition : SweepDefinition
         As read, SI units.
-    nominal : Scenario
+    nominal : SimulatedDrive
         The nominal drive, SI units.
     soils : dict of str to Soil
         All soils that are named, SI units.
@@ -391,16 +391,16 @@ class Sweep:
     """
 
     definition: SweepDefinition
-    nominal: Scenario
+    nominal: SimulatedDrive
     soils: Mapping[str, Soil]
     varied: Mapping[Quantity, Distribution]
 
-    def draws(self) -> list[Draw]:
-        """Draw all points: a function of the definition alone.
+    def draws(self) -> list[SweepDraw]:
+        """SweepDraw all points: a function of the definition alone.
 
         Returns
         -------
-        list of Draw
+        list of SweepDraw
             One a drive.
         """
         definition = self.definition
@@ -414,7 +414,7 @@ class Sweep:
             )
         listed = {quantity.name: columns[quantity.name].tolist() for quantity in self.varied}
         return [
-            Draw(k, {name: values[k] for name, values in listed.items()})
+            SweepDraw(k, {name: values[k] for name, values in listed.items()})
             for k in range(definition.draws)
         ]
 
@@ -431,17 +431,17 @@ class Sweep:
                 return np.array([of_soil[name] for name in columns[other.name].tolist()])
         return quantity.nominal
 
-    def scenario(self, draw: Draw) -> Scenario:
+    def scenario(self, draw: SweepDraw) -> SimulatedDrive:
         """The drive of a draw.
 
         Parameters
         ----------
-        draw : Draw
+        draw : SweepDraw
             One of `draws`.
 
         Returns
         -------
-        Scenario
+        SimulatedDrive
             SI units.
 
         Raises
@@ -459,7 +459,7 @@ class Sweep:
                 place[quantity.path[-1]] = value * quantity.scale
             else:
                 place[quantity.path[-1]] = self.soils[value].model_dump(mode='json')
-        return build(Scenario, content, '')
+        return build(SimulatedDrive, content, '')
 
 
 def read_sweep(path: str | Path, *, draws: int | None = None, seed: int | None = None) -> Sweep:
@@ -491,7 +491,7 @@ def read_sweep(path: str | Path, *, draws: int | None = None, seed: int | None =
     vehicle = _named(load_vehicle, definition.vehicle, path, 'vehicle')
     soils = {name: _named(load_soil, name, path, 'soil') for name in definition.soil}
     nominal = build(
-        Scenario,
+        SimulatedDrive,
         {
             'vehicle': vehicle,
             'soil': tuple(soils[name] for name in definition.soil),
@@ -525,7 +525,7 @@ def read_sweep(path: str | Path, *, draws: int | None = None, seed: int | None =
     return sweep
 
 
-def _check_nominal(definition: SweepDefinition, nominal: Scenario, path: Path) -> None:
+def _check_nominal(definition: SweepDefinition, nominal: SimulatedDrive, path: Path) -> None:
     """Check that numbers of soils and of torques fit."""
     try:
         Terrain(nominal.soil, definition.soil_starts)
@@ -561,7 +561,7 @@ def _named(load: Callable[[str, Path], Loaded], name: str, path: Path, key: str)
 
 
 def _unknown(name: str, known: Iterable[str]) -> str:
-    """What to do about a name that nothing has."""
+    """Hint for a name that nothing has."""
     names = list(known)
     # A name without its number, where there are several of a kind.
     numbered = [
@@ -579,7 +579,7 @@ def _unknown(name: str, known: Iterable[str]) -> str:
     return f'there is no such quantity{closest(name, names)}'
 
 
-def quantities(nominal: Scenario, soil_names: Sequence[str]) -> dict[str, Quantity]:
+def quantities(nominal: SimulatedDrive, soil_names: Sequence[str]) -> dict[str, Quantity]:
     """All that can be varied about a drive.
 
     Entries of a list are numbered from 0 where there is more than one, as in
@@ -587,7 +587,7 @@ def quantities(nominal: Scenario, soil_names: Sequence[str]) -> dict[str, Quanti
 
     Parameters
     ----------
-    nominal : Scenario
+    nominal : SimulatedDrive
         The nominal drive, SI units.
     soil_names : sequence of str
         Names of its soils.
@@ -652,14 +652,14 @@ def _points(sampling: str, draws: int, dimensions: int, seed: int) -> Array:
     return np.asarray(qmc.Sobol(dimensions, rng=generator).random(draws))
 
 
-def simulate_draws(sweep: Sweep, draws: Sequence[Draw]) -> list[Row]:
+def simulate_draws(sweep: Sweep, draws: Sequence[SweepDraw]) -> list[Row]:
     """Simulate some draws of a sweep: what one worker is given at a time.
 
     Parameters
     ----------
     sweep : Sweep
         The sweep.
-    draws : sequence of Draw
+    draws : sequence of SweepDraw
         Some of its draws.
 
     Returns
@@ -683,7 +683,7 @@ def simulate_draws(sweep: Sweep, draws: Sequence[Draw]) -> list[Row]:
     return rows
 
 
-def _drive(sweep: Sweep, draw: Draw) -> Row:
+def _drive(sweep: Sweep, draw: SweepDraw) -> Row:
     """Simulate one draw."""
     definition = sweep.definition
     scenario = sweep.scenario(draw)
@@ -701,7 +701,7 @@ def _drive(sweep: Sweep, draw: Draw) -> Row:
     return figures(trajectory, torque, scenario, definition.settle)
 
 
-def figures(trajectory: Trajectory, torque: Array, scenario: Scenario, settle: float) -> Row:
+def figures(trajectory: Trajectory, torque: Array, scenario: SimulatedDrive, settle: float) -> Row:
     """Figures of one drive.
 
     Parameters
@@ -710,7 +710,7 @@ def figures(trajectory: Trajectory, torque: Array, scenario: Scenario, settle: f
         Its motion, SI units.
     torque : ndarray, shape (k, n)
         Torque on every wheel at every sample, N*m.
-    scenario : Scenario
+    scenario : SimulatedDrive
         The drive, SI units.
     settle : float
         Time from which figures count, s.

@@ -390,7 +390,7 @@ class Pacejka(Curve):
 
 
 class CurveFit(NamedTuple):
-    """How well a curve fits its samples, all dimensionless.
+    """Quality of the fit of a curve to its samples, all dimensionless.
 
     Attributes
     ----------

@@ -17,7 +17,7 @@ CELL = 0.02
 """Length of a cell, m."""
 
 BEHIND = 4.0
-"""How far behind its last wheel a vehicle's ruts are kept, m."""
+"""Distance behind the last wheel over which ruts are kept, m."""
 
 
 class Ruts(NamedTuple):
@@ -67,7 +67,7 @@ def fresh_ruts(tracks: int, length: float) -> Ruts:
 
 @inlined
 def rut_at(x, track, ruts):
-    """What wheels have left at a place, linear between cells, width weighed by depth.
+    """Rut at a place, linear between cells, width weighed by depth.
 
     Parameters
     ----------

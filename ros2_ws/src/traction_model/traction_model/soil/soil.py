@@ -43,7 +43,7 @@ class Soil(Definition):
     Pressure under a plate of width b at sinkage z is ``k*z**n``, with k by Bekker
     ``k_c/b + k_phi``, by Reece ``(c*k_c' + gamma*b*k_phi')/b**n``, and by Bernstein a constant
     with ``n = 0.5``. Shear stress at shear displacement j is ``(c + sigma*tan(phi))*g(j)``
-    (Agriculture 2024, 14(3), 499, equations (17) to (21)), with g by `shear_law`:
+    (Agriculture 2024, 14(3), 499, equations (9) to (19)), with g by `shear_law`:
 
     - ``janosi_hanamoto``: ``1 - exp(-j/K)``, strength is reached and kept;
     - ``wong_preston_thomas``: ``R*(1 + h*exp(1 - j/K))*(1 - exp(-j/K))``, a hump that ends at
@@ -205,7 +205,7 @@ class Soil(Definition):
         )
 
     def max_shear_stress(self, pressure: float) -> float:
-        """Mohr-Coulomb shear strength under a mean pressure, equation (18) of the paper.
+        """Mohr-Coulomb shear strength under a mean pressure, equation (15) of the paper.
 
         Parameters
         ----------

@@ -124,7 +124,7 @@ class Vehicle(Definition):
         return np.asarray(loads)
 
     def load_distribution(self) -> NDArray[np.float64]:
-        """How total load and its moment spread over the wheels.
+        """Shares of the wheels in total load and in its moment.
 
         The chassis is rigid and all wheels stand on equal springs, so that load varies
         linearly along the vehicle: exact for two axles, the usual closure for more. A single
@@ -143,7 +143,7 @@ class Vehicle(Definition):
 
     @property
     def tracks(self) -> list[int]:
-        """Which rut every wheel runs in, n numbers from 0.
+        """Number of the rut that every wheel runs in, n numbers from 0.
 
         Wheels run one behind the other where all axles have equally many, else each by itself.
         """
