@@ -396,7 +396,7 @@ class Sweep:
     varied: Mapping[Quantity, Distribution]
 
     def draws(self) -> list[SweepDraw]:
-        """SweepDraw all points: a function of the definition alone.
+        """Draw all points: a function of the definition alone.
 
         Returns
         -------
