@@ -13,6 +13,8 @@ from traction_controller.control.slip_control import Mode, SlipControl
 from traction_evaluation.baselines.laws import ALL_LAWS, BASELINES
 from traction_evaluation.baselines.scheduled_pi import ScheduledPiLaw
 from traction_evaluation.closed_loop.closed_loop import DT, ClosedLoop, Sensors
+from traction_evaluation.loop.shipped import shipped_parameters
+from traction_evaluation.loop.traction_loop import TractionLoop
 from traction_model.lpv.slip_dynamics import slip_dynamics
 from traction_model.simulation.drawbar import Drawbar
 from traction_model.simulation.plant import Plant
@@ -79,14 +81,23 @@ def test_what_was_not_sent_is_not_remembered(law):
 )
 @pytest.mark.parametrize('name', BASELINES)
 def test_slip_on_a_soft_patch_stays_at_its_target(name, mode, grouping, differential):
-    slip_control = SlipControl(
-        TRACTOR, 0.2, mode, law=name, laws=ALL_LAWS, grouping=grouping, differential=differential
-    )  # fmt: skip
+    changes = {
+        'slip_controller': {
+            'mode': mode.name.lower(),
+            'grouping': grouping.name.lower(),
+            'differential': differential.name.lower(),
+            'hold_torque': [10000.0],
+        },
+        'torque_gate': {'max_torque': [10000.0]},
+    }
+    parameters = shipped_parameters(changes=changes)
+    parameters['slip_controller']['law'] = name
     plant = Plant(
         TRACTOR, PATCH, drawbar=Drawbar(13000, 1500, 2.0), torque_time_constant=0.1,
         max_power=75e3,
     )  # fmt: skip
-    loop = ClosedLoop(plant, slip_control, None, Sensors(), 1, delay=0.0)
+    traction_loop = TractionLoop.from_parameters(parameters, ALL_LAWS)
+    loop = ClosedLoop(plant, traction_loop, Sensors(), 1, delay=0.0, perfect=True)
     for _ in range(round(20.0 / DT)):
         loop.step((REQUEST * min(1.0, loop.t / 3.0)).tolist())
     drive = loop.drive()

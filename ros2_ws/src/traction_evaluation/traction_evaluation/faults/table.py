@@ -56,7 +56,9 @@ WITHIN = 'within `min_torque` to `max_torque`'
 Fault = Callable[[Any], Iterable[Any]]
 
 
-def _fault(*topics: str, fault: Callable[[], Fault]) -> tuple[Callable[[Any], None], ...]:
+def _fault(
+    *topics: str, fault: Callable[[], Fault]
+) -> tuple[Callable[[Any], None], Callable[[Any], None]]:
     """Begin and end of a fault of all messages of topics."""
 
     def inject(bench: FaultBench) -> None:

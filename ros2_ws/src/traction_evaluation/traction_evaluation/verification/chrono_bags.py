@@ -9,6 +9,7 @@ import shutil
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,11 +73,12 @@ class Samples:
         self.rim_speed = recording.rim_speed
         self.inertia = np.array([wheel.inertia for wheel in recording.vehicle.wheels])
         self.friction = np.array([wheel.viscous_friction for wheel in recording.vehicle.wheels])
-        self.drawbar = recording.columns.get('drawbar')
-        if self.drawbar is None:
-            drawbar = recording.run.drawbar
+        measured = recording.columns.get('drawbar')
+        drawbar = recording.run.drawbar
+        if measured is None:
             pull = drawbar.pull + drawbar.pull_per_speed * self.v
-            self.drawbar = pull * np.minimum(1.0, self.time / drawbar.ramp)
+            measured = pull * np.minimum(1.0, self.time / drawbar.ramp)
+        self.drawbar = measured
 
     def gross_traction(self, since: slice) -> NDArray[np.float64]:
         """Mean moment of the soil over the radius: (T - b_f*omega - J*omega')/r.
@@ -94,7 +96,7 @@ class Samples:
         omega, t = self.omega[since], self.time[since]
         spin_up = (omega[-1] - omega[0]) / (t[-1] - t[0]) if len(t) > 1 else 0.0
         moment = self.torque[since].mean(axis=0) - self.friction * omega.mean(axis=0)
-        return (moment - self.inertia * spin_up) / self.radius
+        return np.asarray((moment - self.inertia * spin_up) / self.radius)
 
 
 class Messages:
@@ -116,17 +118,17 @@ class Messages:
 
     def stamp(self, k: int) -> int:
         """Stamp of sample k, ns."""
-        return EPOCH + round(self._s.time[k] * 1e9)
+        return EPOCH + round(float(self._s.time[k]) * 1e9)
 
-    def wheel_states(self, k: int):
+    def wheel_states(self, k: int) -> Any:
         """Tachometers and shaft torques."""
         return self._joint_state(k, self._s.omega[k], self._s.torque[k])
 
-    def wheel_torque(self, k: int):
+    def wheel_torque(self, k: int) -> Any:
         """Commanded torques; the runs apply them as commanded."""
         return self._joint_state(k, np.zeros(0), self._s.torque[k])
 
-    def radar(self, k: int):
+    def radar(self, k: int) -> Any:
         """True speed with noise; only linear.x is measured."""
         types = self._types
         covariance = np.zeros(36)
@@ -138,12 +140,12 @@ class Messages:
             header=self._header(k, 'radar'), twist=twist
         )
 
-    def slip_estimate(self, k: int):
+    def slip_estimate(self, k: int) -> Any:
         """True slip and speeds; at one instant forces and slip stiffness are not known: NaN."""
         s = self._s
         v, rims = s.v[k], s.rim_speed[k]
         n = len(s.names)
-        kind = self._types['traction_interfaces/msg/SlipEstimate']
+        kind: Any = self._types['traction_interfaces/msg/SlipEstimate']
         return kind(
             header=self._header(k, 'base_link'),
             wheel_names=s.names,
@@ -164,7 +166,7 @@ class Messages:
             time_to_immobilisation=float('nan'),
         )
 
-    def terrain_estimate(self, k: int):
+    def terrain_estimate(self, k: int) -> Any:
         """True gross traction, external resistance and sinkage; forces are means since the last.
 
         Gross traction is what the shaft's torque leaves for the soil. Less the external
@@ -193,7 +195,7 @@ class Messages:
             external_resistance_variance=0.0,
         )
 
-    def odometry(self, k: int):
+    def odometry(self, k: int) -> Any:
         """True position, pitch and speed."""
         types, s = self._types, self._s
         # Nose up is a negative turn about y, which points left (REP-103).
@@ -213,12 +215,14 @@ class Messages:
             ),
         )
 
-    def _header(self, k: int, frame: str):
+    def _header(self, k: int, frame: str) -> Any:
         sec, nanosec = divmod(self.stamp(k), 10**9)
         stamp = self._types['builtin_interfaces/msg/Time'](sec=sec, nanosec=nanosec)
         return self._types['std_msgs/msg/Header'](stamp=stamp, frame_id=frame)
 
-    def _joint_state(self, k: int, velocity: NDArray[np.float64], effort: NDArray[np.float64]):
+    def _joint_state(
+        self, k: int, velocity: NDArray[np.float64], effort: NDArray[np.float64]
+    ) -> Any:
         return self._types['sensor_msgs/msg/JointState'](
             header=self._header(k, 'base_link'),
             name=self._s.names,
@@ -227,7 +231,7 @@ class Messages:
             effort=effort,
         )
 
-    def _twist(self, speed: float):
+    def _twist(self, speed: float) -> Any:
         vector = self._types['geometry_msgs/msg/Vector3']
         return self._types['geometry_msgs/msg/Twist'](
             linear=vector(x=speed, y=0.0, z=0.0), angular=vector(x=0.0, y=0.0, z=0.0)
