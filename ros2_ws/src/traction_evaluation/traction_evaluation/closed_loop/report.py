@@ -100,6 +100,8 @@ def evaluate(
     gains = FEW_GAINS if quick else GAINS
     # A file has no width of its own.
     console = Console(width=None if sys.stdout.isatty() else 190)
+    # Before anything is written there.
+    at_commit = commit(docs)
     images = docs / 'images'
     images.mkdir(parents=True, exist_ok=True)
 
@@ -155,7 +157,7 @@ def evaluate(
     lpv = results['LPV']
     text = fill(
         Path(__file__).with_name('control.template.md'),
-        commit=commit(docs),
+        commit=at_commit,
         digest=f'{DIGEST_LINE}`{digest()}`',
         parameters=parameter_table([*every, *others]),
         draws=len(drawn),
