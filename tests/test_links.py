@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted(
@@ -53,15 +54,25 @@ def test_links_are_found():
 SOURCES = ROOT / 'ros2_ws' / 'src'
 
 
+def parameters():
+    """Parameters that ship, as ``node.parameter``: a node may have the name of its package."""
+    for path in SOURCES.glob('*/config/*.yaml'):
+        for node, content in (yaml.safe_load(path.read_text(encoding='utf-8')) or {}).items():
+            if isinstance(content, dict) and 'ros__parameters' in content:
+                short = node.rsplit('/', 1)[-1]
+                yield from (f'{short}.{name}' for name in content['ros__parameters'])
+
+
 def named_modules():
     """(page, name) of every dotted name of the suite's Python packages that a page quotes."""
+    known = set(parameters())
     folders = [path.name for path in SOURCES.iterdir() if (path / path.name).is_dir()]
     packages = '|'.join(sorted(folders))
     for page in PAGES:
         # What was is named there, too.
         if page.name != 'CHANGELOG.md':
             found = re.findall(rf'`((?:{packages})(?:\.\w+)+)', page.read_text(encoding='utf-8'))
-            yield from ((page, name) for name in sorted(set(found)))
+            yield from ((page, name) for name in sorted(set(found) - known))
 
 
 NAMED = [
