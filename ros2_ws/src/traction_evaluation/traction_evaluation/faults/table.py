@@ -11,13 +11,11 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import can
-import yaml
 
 from traction_evaluation.faults.bench import SLIP_TARGET, BusBench, FaultBench, Row
-from traction_node.parameter_file import config
+from traction_node.parameter_file import config, read_parameters
 
-_GATE = yaml.safe_load(config('torque_gate', 'torque_gate.yaml').read_text(encoding='utf-8'))
-_LIMITS = _GATE['/**/torque_gate']['ros__parameters']
+_LIMITS = read_parameters(config('torque_gate', 'torque_gate.yaml'))['torque_gate']
 
 # Safe outputs
 
