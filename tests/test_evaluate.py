@@ -46,9 +46,11 @@ def test_report_says_what_it_ran(report):
     _, docs, text = report
     assert written_digest(docs / 'control.md') == digest()
     assert '4 draws a controller' in text
-    assert '| LPV | `slip_controller.mode` | limit | hold | ' in text
-    # Of LPV that alone.
-    assert len(re.findall(r'^\| LPV \| `', text, re.MULTILINE)) == 1
+    mode = re.findall(r'^\| `slip_controller\.mode` \| limit \| hold \| all \| ', text, re.MULTILINE)
+    assert len(mode) == 1
+    # LPV runs the law that ships.
+    law = re.findall(r'^\| `slip_controller\.law` \| lpv \| (.*?) \|', text, re.MULTILINE)
+    assert law == ['pi', 'scheduled_pi', 'sliding_mode', 'lqi']
 
 
 def test_trials_do_not_depend_on_who_drives_them():

@@ -1,12 +1,9 @@
 """The loop of the evaluation against the nodes in lock step, and parameters as they ship."""
 
-import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
-from ament_index_python.packages import get_package_share_directory
 
 from traction_evaluation.closed_loop.controllers import (
     Controller,
@@ -16,16 +13,13 @@ from traction_evaluation.closed_loop.controllers import (
 )
 from traction_evaluation.closed_loop.report import written_digest
 from traction_evaluation.loop.shipped import (
-    BEHAVIOURS,
     differences,
     digest,
     shipped_parameters,
 )
 from traction_evaluation.loop.traction_loop import TractionLoop
-from traction_evaluation.replay.lockstep import LockStep
 from traction_evaluation.replay.replay import replay
 from traction_node.stamp import nanoseconds
-from tractor_io.bags.message_types import typestore
 from tractor_io.bags.reader import BagReader
 from tractor_io.bags.repair import cut_bag
 
@@ -61,55 +55,6 @@ def test_the_loop_gives_the_torques_of_the_replay(tmp_path):
     assert np.abs(torques).max() > 1000.0
     # The replay counts time from the first stamp, to a rounding of 1e-16 s.
     np.testing.assert_allclose(torques, [replayed[stamp] for stamp in stamps], rtol=1e-9)
-
-
-@pytest.fixture
-def shipped_file(tmp_path, monkeypatch):
-    """Changes one value in a YAML file that a package ships, as everybody finds it."""
-
-    def change(node, **values):
-        package, _ = BEHAVIOURS[node]
-        share = tmp_path / 'share' / package
-        shutil.copytree(Path(get_package_share_directory(package)), share)
-        index = tmp_path / 'share' / 'ament_index' / 'resource_index' / 'packages'
-        index.mkdir(parents=True)
-        (index / package).touch()
-        path = share / 'config' / f'{node}.yaml'
-        content = yaml.safe_load(path.read_text(encoding='utf-8'))
-        content[f'/**/{node}']['ros__parameters'] |= values
-        path.write_text(yaml.safe_dump(content), encoding='utf-8')
-        monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path), prepend=':')
-
-    return change
-
-
-def lockstep_node(node):
-    """Host of a node as the replay makes it."""
-    lockstep = LockStep(typestore(), lambda *message: None, 0)
-    return lockstep.add(BEHAVIOURS[node][1], shipped_parameters()[node])
-
-
-def evaluated():
-    """Parameters that the LPV controller is judged by."""
-    return controllers(fixed_pi(1.0, 1.0))[-1].parameters
-
-
-@pytest.mark.parametrize(
-    ('node', 'name', 'value'),
-    [
-        ('slip_estimator', 'radar_timeout', 0.25),
-        ('slip_controller', 'request_timeout', 0.35),
-        ('torque_gate', 'timeout', 0.05),
-    ],
-)
-def test_a_changed_file_changes_replay_and_evaluation(node, name, value, shipped_file):
-    before = digest()
-    assert shipped_parameters()[node][name] != value
-    shipped_file(node, **{name: value})
-    assert shipped_parameters()[node][name] == value
-    assert evaluated()[node][name] == value
-    assert getattr(lockstep_node(node).p, name) == value
-    assert digest() != before
 
 
 def test_the_loop_is_made_of_the_parameters():

@@ -183,24 +183,28 @@ def parameter_table(controllers: Sequence[Controller]) -> str:
     Returns
     -------
     str
-        Markdown table: controller, parameter, as shipped, as run, reason.
+        Markdown table: parameter, as shipped, as run, controllers, reason.
     """
     shipped = shipped_parameters()
-    rows = []
+    # Controllers by what they have in common: one row each.
+    rows: dict[tuple[str, str, str, str], list[str]] = {}
     for controller in controllers:
-        for name, value in differences(controller.parameters).items():
-            node, _, parameter = name.partition('.')
-            rows.append(
-                [
-                    controller.text, f'`{name}`', f'{shipped[node][parameter]}', f'{value}',
-                    REASONS[name],
-                ]
-            )  # fmt: skip
+        changed = differences(controller.parameters)
         if controller.pulses_told:
-            name = 'slip_estimator.tachometer_pulses'
-            value = shipped['slip_estimator']['tachometer_pulses']
-            rows.append([controller.text, f'`{name}`', f'{value}', 'as drawn', REASONS[name]])
+            changed['slip_estimator.tachometer_pulses'] = 'as drawn'
+        for name, value in changed.items():
+            node, _, parameter = name.partition('.')
+            row = f'`{name}`', f'{shipped[node][parameter]}', f'{value}', REASONS[name]
+            rows.setdefault(row, []).append(controller.text)
         if controller.perfect:
             why = 'tells errors of control from those of estimation'
-            rows.append([controller.text, 'estimator', 'VehicleEstimator', 'true slip', why])
-    return table(('controller', 'parameter', 'as shipped', 'as run', 'why'), rows)
+            rows.setdefault(('estimator', 'VehicleEstimator', 'true slip', why), []).append(
+                controller.text
+            )
+    return table(
+        ('parameter', 'as shipped', 'as run', 'controllers', 'why'),
+        [
+            [*row[:3], 'all' if len(names) == len(controllers) else '; '.join(names), row[3]]
+            for row, names in rows.items()
+        ],
+    )
