@@ -1,10 +1,11 @@
 """Evaluation, replay and running nodes read the same files: a default changed there changes all."""
 
 import shutil
+from pathlib import Path
 
 import pytest
 import yaml
-from ament_index_python.packages import get_package_share_directory
+from ament_index_python.packages import get_package_prefix, get_package_share_directory
 from rcl_interfaces.srv import GetParameters
 
 from traction_bringup.system import system
@@ -47,10 +48,13 @@ def changed_files(tmp_path, monkeypatch):
         package, _ = BEHAVIOURS[node]
         share = tmp_path / 'share' / package
         if not share.exists():
+            executables = Path(get_package_prefix(package), 'lib', package)
             shutil.copytree(get_package_share_directory(package), share)
             index = tmp_path / 'share' / 'ament_index' / 'resource_index' / 'packages'
             index.mkdir(parents=True, exist_ok=True)
             (index / package).touch()
+            (tmp_path / 'lib').mkdir(exist_ok=True)
+            (tmp_path / 'lib' / package).symlink_to(executables)
         path = share / 'config' / f'{node}.yaml'
         content = yaml.safe_load(path.read_text(encoding='utf-8'))
         content[f'/**/{node}']['ros__parameters'][name] = value

@@ -205,6 +205,6 @@ def parameter_table(controllers: Sequence[Controller]) -> str:
         ('parameter', 'as shipped', 'as run', 'controllers', 'why'),
         [
             [*row[:3], 'all' if len(names) == len(controllers) else '; '.join(names), row[3]]
-            for row, names in rows.items()
+            for row, names in sorted(rows.items(), key=lambda each: each[0][0])
         ],
     )
