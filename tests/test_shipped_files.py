@@ -1,4 +1,4 @@
-"""Evaluation, replay and running nodes read the same files: a default changed there changes all."""
+"""A default changed in a file that ships changes evaluation, replay and running nodes alike."""
 
 import shutil
 from pathlib import Path
