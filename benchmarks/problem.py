@@ -31,7 +31,7 @@ class Problem:
     drawbar : Drawbar
         Its draft, N.
     torque : ndarray, shape (k, n)
-        Torque on every wheel, N*m, every `SAMPLE_TIME`; linear in between.
+        Torque on every wheel, N·m, every `SAMPLE_TIME`; linear in between.
     v0 : float
         Speed at the start, m/s.
     omega0 : ndarray, shape (n,)

@@ -95,7 +95,7 @@ def test_what_each_node_says_fits_together(running):
     assert np.median(off) < 1e-6
     said = {value.key: value.value for value in probe.diagnostics('torque_gate')[-1].values}
     assert said['limited_magnitude'] == '0'
-    # One period at the fastest change of any wheel, 40 kN*m/s.
+    # One period at the fastest change of any wheel, 40 kN·m/s.
     assert max(off) < 400.0
 
 

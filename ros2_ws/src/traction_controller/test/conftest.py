@@ -35,7 +35,7 @@ class LinearWheels:
                 sampled(np.array([[a, b], [0.0, -1 / lag]]), np.array([[0.0], [1 / lag]]), self.DT)
             )
         self.load_torque = 0.0
-        # The most that reaches the shaft, N*m.
+        # The most that reaches the shaft, N·m.
         self.power = np.inf
 
     def advance(self, torques):

@@ -372,7 +372,7 @@ def test_gross_traction_of_every_slip_estimate_counts_at_once(tractor, field):
         after = step()
         moved = [0.0] * 4
         moved[wheel] = 500.0 * radii[wheel] * sums[wheel]
-        # Besides, it goes on towards its end, by less than 1 N*m a step.
+        # Besides, it goes on towards its end, by less than 1 N·m a step.
         assert [a - b for a, b in zip(after, before, strict=True)] == pytest.approx(moved, abs=1.0)
         for _ in range(200):
             before = step()

@@ -243,7 +243,7 @@ def test_stuck_until_it_moves_again():
 
 
 def test_standing_under_a_brake_is_not_stuck():
-    # 100 N*m on 0.5 m: 2 % of the weight.
+    # 100 N·m on 0.5 m: 2 % of the weight.
     assert set(Wheel().on(10.0, 0.0, 0.0, torque=100.0)) == {Level.NONE}
 
 

@@ -13,9 +13,9 @@ LOAD = float(TRACTOR.static_loads()[3])
 
 
 def test_rules_where_slip_is_the_quicker_lag():
-    # Lags 0.1 s and 1/20 s, gain K = 0.01/20 = 5e-4 per N*m, delay 0.03 s. Half rule:
+    # Lags 0.1 s and 1/20 s, gain K = 0.01/20 = 5e-4 per N·m, delay 0.03 s. Half rule:
     # tau = 0.1 + 0.025 = 0.125 s, theta = 0.03 + 0.025 = 0.055 s; tau_c + theta = 0.205 s.
-    # k_p = 0.125/(5e-4*0.205) = 1219.5 N*m; k_i = k_p/min(0.125, 0.82) = 9756 N*m/s.
+    # k_p = 0.125/(5e-4*0.205) = 1219.5 N·m; k_i = k_p/min(0.125, 0.82) = 9756 N·m/s.
     proportional, integral = simc_gains(-20.0, 0.01, 0.1, 0.03, 0.15)
     assert proportional == pytest.approx(1219.51, rel=1e-5)
     assert integral == pytest.approx(9756.1, rel=1e-5)

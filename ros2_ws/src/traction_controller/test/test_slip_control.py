@@ -95,7 +95,7 @@ def test_hold_reaches_its_target_on_the_linear_model(control, linear_wheels):
     assert history[-1, 0] == pytest.approx([0.2] * 4, abs=1e-3)
     # No more than a tenth of the step beyond it on the way.
     assert np.max(history[:, 0]) < 0.22
-    # And stays there when the soil takes 500 N*m more.
+    # And stays there when the soil takes 500 N·m more.
     wheels.load_torque = 500.0
     history = drive(control, wheels, 5.0)
     assert history[-1, 0] == pytest.approx([0.2] * 4, abs=1e-3)

@@ -177,7 +177,7 @@ def test_radar_that_states_no_variance_gets_the_nominal_one():
 
 @pytest.mark.parametrize('rate', [20.0, 50.0, 100.0])
 def test_torque_that_only_spins_the_wheel_up_is_no_thrust(rate):
-    # T = J*omega' with omega' = 3 rad/s^2, J = 20 kg*m^2: 60 N*m, nothing left for the soil.
+    # T = J*omega' with omega' = 3 rad/s^2, J = 20 kg*m^2: 60 N·m, nothing left for the soil.
     estimation = fresh()
     for k in range(40):
         estimation.wheel_states(k / rate, [3.0 * k / rate], [60.0])

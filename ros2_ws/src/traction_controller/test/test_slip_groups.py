@@ -220,7 +220,7 @@ def test_no_overshoot_after_long_saturation(control, linear_wheels, law, groupin
 
 @pytest.mark.parametrize('law', LAWS)
 def test_torque_that_is_not_delivered_is_not_remembered(control, linear_wheels, law):
-    # An engine that gives 1500 N*m, whatever is asked of it: slip stays below its target.
+    # An engine that gives 1500 N·m, whatever is asked of it: slip stays below its target.
     control.set_law(law)
     wheels = linear_wheels(relative_stiffness=(4, 4, 4, 4))
     wheels.power = 1500.0
@@ -235,7 +235,7 @@ def test_torque_that_is_not_delivered_is_not_remembered(control, linear_wheels, 
         most = (1500.0 + 0.02 * LOADS[j] * wheel.radius) / 0.9
         assert 1500.0 <= torques[-1, j] < 1.2 * most
     # When a wheel then loses its grip, its torque falls below what it had within 0.15 s; without
-    # this it would first have to come down from 15000 N*m.
+    # this it would first have to come down from 15000 N·m.
     for _ in range(15):
         outcomes = step(control, 0.45, 9000.0, shaft=wheels.shaft)
     assert max(outcome.torque for outcome in outcomes) < 1500.0
@@ -262,7 +262,7 @@ def test_torque_rate_is_kept_both_ways(linear_wheels):
 
 @pytest.mark.parametrize('rate', [3.0, 1e9])
 def test_rate_of_a_group_is_that_of_its_slowest(rate):
-    # The front wheels get a quarter: what bounds them to 250 N*m/s bounds the rear to 1000.
+    # The front wheels get a quarter: what bounds them to 250 N·m/s bounds the rear to 1000.
     control = SlipControl(
         TRACTOR, 0.2, grouping=Grouping.VEHICLE, torque_rate=[250.0, 250.0, 1e3 * rate, 1e3 * rate]
     )  # fmt: skip

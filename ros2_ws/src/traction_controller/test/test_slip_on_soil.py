@@ -46,7 +46,7 @@ def stiffnesses(plant):
 def onto_the_patch(control, *, locked=(), pull=13000.0, shaft=True):
     """Slips, torques and speeds from 2 s on the patch on, a row every 10 ms.
 
-    `locked` names pairs of wheels that a stiff shaft couples, N*m*s/rad per pair.
+    `locked` names pairs of wheels that a stiff shaft couples, N·m·s/rad per pair.
     """
     # With locked wheels the drive's lag is here, so that what couples them has none.
     lag = 0.0 if locked else LAG
@@ -136,7 +136,7 @@ def test_open_differentials_of_one_engine(law):
 
 @pytest.mark.parametrize('law', LAWS)
 def test_locked_differentials_of_axles(law):
-    # Wheels of an axle coupled with 20 kN*m*s/rad: their common rim speed has the slip wanted.
+    # Wheels of an axle coupled with 20 kN·m·s/rad: their common rim speed has the slip wanted.
     control = SlipControl(
         TRACTOR, 0.2, law=law, settings=settings(law), grouping=Grouping.AXLE,
         differential=Differential.LOCKED,

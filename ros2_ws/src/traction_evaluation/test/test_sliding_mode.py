@@ -21,7 +21,7 @@ def law():
     )  # fmt: skip
 
 
-# Thrust of 4000 N at r = 0.85 m, and 34 N*m*s/rad at 1.7 m/s, 2 rad/s: 3400 + 68 N*m.
+# Thrust of 4000 N at r = 0.85 m, and 34 N·m·s/rad at 1.7 m/s, 2 rad/s: 3400 + 68 N·m.
 EQUIVALENT = 3468.0
 
 
@@ -29,7 +29,7 @@ EQUIVALENT = 3468.0
     ('slip', 'torque'),
     [
         (0.2, EQUIVALENT),
-        # eta = 0.1*10000*0.85 = 850 N*m; 0.02 of 0.05 is 40 % of it.
+        # eta = 0.1*10000*0.85 = 850 N·m; 0.02 of 0.05 is 40 % of it.
         (0.22, EQUIVALENT - 340.0),
         (0.19, EQUIVALENT + 170.0),
         # Beyond the layer, all of it.

@@ -83,7 +83,7 @@ def test_slip_dynamics_against_numerical_linearisation(slip, rim_speed):
 
 def test_slip_dynamics_by_hand():
     # rim 2 m/s, C = 10 kN, slip 0.2: a = -1e4*(1/500 + 0.8*0.25/20)/2 = -1e4*0.012/2 = -60/s;
-    # b = 0.8*0.5/(20*2) = 0.01 per N*m*s.
+    # b = 0.8*0.5/(20*2) = 0.01 per N·m·s.
     assert slip_dynamics(WHEEL, MASS, 2.0, 1e4, 0.2) == pytest.approx((-60.0, 0.01))
 
 

@@ -308,7 +308,7 @@ def test_grade_by_hand():
 def test_load_moves_to_the_rear_uphill():
     # About the rear axle's contact, slope g: front*wheelbase = m*g*(x_cg*cos - h_cg*sin)
     # - h_cg*m*v' + sum of r*(F - R), without torque and drawbar. At 2 m/s and 0.1 rad the first
-    # is 43556.4*(0.859459*0.995004 - 0.960811*0.0998334) = 33069.8 N*m.
+    # is 43556.4*(0.859459*0.995004 - 0.960811*0.0998334) = 33069.8 N·m.
     run = simulate(
         TRACTOR, Terrain(LOAM, grades=0.1), constant([0] * 4, 0.01), 0.005, v0=2.0,
         sinkage='equilibrium',
@@ -443,8 +443,8 @@ def test_slope_is_that_of_the_place():
 
 
 def test_load_transfer_follows_the_slope_of_the_place():
-    # As in `test_load_moves_to_the_rear_uphill`, where m*g*(x_cg*cos - h_cg*sin) is 33069.8 N*m
-    # at 0.1 rad, and level 43556.4*0.859459 = 37434.9 N*m; the slope is that of the rear axle.
+    # As in `test_load_moves_to_the_rear_uphill`, where m*g*(x_cg*cos - h_cg*sin) is 33069.8 N·m
+    # at 0.1 rad, and level 43556.4*0.859459 = 37434.9 N·m; the slope is that of the rear axle.
     terrain = Terrain([LOAM] * 2, [1.0], [0.0, 0.1])
     run = simulate(
         TRACTOR, terrain, constant([0] * 4, 1.0), 0.005, v0=2.0, sinkage='equilibrium'

@@ -105,7 +105,7 @@ def test_frames_become_wheel_states_and_radar(setup):
     wheels = setup.wheels[-1]
     assert list(wheels.name) == ['fl', 'fr', 'rl', 'rr']
     assert list(wheels.velocity) == pytest.approx([2.0] * 4, abs=2e-3)
-    # Half of 500 N*m over 40: 10 kN*m, 30 % of it in front.
+    # Half of 500 N·m over 40: 10 kN·m, 30 % of it in front.
     assert list(wheels.effort) == pytest.approx([1500, 1500, 3500, 3500])
     radar = setup.radar[-1]
     assert radar.twist.twist.linear.x == pytest.approx(1.5)

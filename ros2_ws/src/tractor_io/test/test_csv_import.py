@@ -60,7 +60,7 @@ def test_units_become_si(tmp_path):
     assert first.velocity == pytest.approx([20.0, 12.5])
     # 72 km/h are 20 m/s.
     assert second.velocity == pytest.approx([40.0, 25.0])
-    # 50 % and 25 % of 2000 N*m.
+    # 50 % and 25 % of 2000 N·m.
     assert first.effort == pytest.approx([1000.0, 1000.0])
     assert second.effort == pytest.approx([500.0, 500.0])
     (_, radar), _ = messages(found.path, 'radar')

@@ -13,7 +13,7 @@ FOUR = (True, True, False, False)
 
 
 def test_torques_by_hand():
-    # 600 N*m at half, times 40, times 0.9: 10800 N*m; 40 % of it in front.
+    # 600 N·m at half, times 40, times 0.9: 10800 N·m; 40 % of it in front.
     drive = Drivetrain(FOUR, 600.0, 40.0, 0.9, 0.4)
     assert drive.wheel_torques(0.5, True) == pytest.approx([2160, 2160, 3240, 3240])
     assert drive.wheel_torques(0.5, False) == pytest.approx([0, 0, 5400, 5400])
@@ -22,7 +22,7 @@ def test_torques_by_hand():
 
 def test_no_wheel_gets_more_than_it_may():
     drive = Drivetrain(FOUR, 600.0, 40.0, 1.0, 0.5)
-    # The wheel of 1000 N*m decides: four times it of 24000 N*m.
+    # The wheel of 1000 N·m decides: four times it of 24000 N·m.
     assert drive.engine_share([1000, 2000, 3000, 4000], True) == pytest.approx(4000 / 24000)
     # Without the front axle the one of 3000: twice it.
     assert drive.engine_share([1000, 2000, 3000, 4000], False) == pytest.approx(6000 / 24000)

@@ -12,7 +12,7 @@ from tractor_io.can.vehicle_bus import VehicleBus
 
 GROUPS = tractor_groups()
 RADII = [0.65, 0.65, 0.85, 0.85]
-# 20 kN*m at 100 %, 20 % of it in front.
+# 20 kN·m at 100 %, 20 % of it in front.
 DRIVETRAIN = Drivetrain((True, True, False, False), 500.0, 40.0, 1.0, 0.2)
 TORQUES = [1000.0, 1000.0, 4000.0, 4000.0]
 
@@ -38,7 +38,7 @@ def test_what_is_sent_is_what_is_heard(v):
     for identifier, data in ecu.frames(0.0, speeds(v), torques):
         assert bus.take(0.0, identifier, data) is not None
     assert bus.wheel_speeds(0.0) == pytest.approx(speeds(v), abs=2e-3)
-    # Whole percents of 20 kN*m.
+    # Whole percents of 20 kN·m.
     assert bus.shaft_torques(0.0) == pytest.approx(torques, abs=80.0)
     assert bus.ground_speed(0.0) == pytest.approx(0.9 * v, abs=1e-3)
 

@@ -20,7 +20,7 @@ OURS = 0x87
 
 
 def make(**arguments):
-    # 1000 N*m at 100 %, over 20: 20 kN*m, 30 % of it in front.
+    # 1000 N·m at 100 %, over 20: 20 kN·m, 30 % of it in front.
     drivetrain = Drivetrain((True, True, False, False), 1000.0, 20.0, 1.0, 0.3)
     return VehicleBus(GROUPS, RADII, drivetrain, AddressClaim(NAME, OURS), **arguments)
 
@@ -74,7 +74,7 @@ def test_shaft_torques_by_hand():
     bus = make()
     assert bus.shaft_torques(0.0) is None
     hear(bus, 0.0, 'EEC1', ActualEnginePercentTorque=0.5)
-    # 10 kN*m, 3 of it in front.
+    # 10 kN·m, 3 of it in front.
     assert bus.shaft_torques(0.0) == pytest.approx([1500, 1500, 3500, 3500])
     bus.front_engaged = False
     assert bus.shaft_torques(0.0) == pytest.approx([0, 0, 5000, 5000])
@@ -151,7 +151,7 @@ def test_limit_comes_every_10_ms_from_the_claimed_address():
 def test_wheel_that_may_get_least_decides():
     bus = ready()
     bus.command(0.0, [300, 1500, 3500, 3500])
-    # 300 of 15 % of 20 kN*m.
+    # 300 of 15 % of 20 kN·m.
     assert bus.limit(0.0) == pytest.approx(0.1)
     bus.command(0.0, [-300, 1500, 3500, 3500])
     assert bus.limit(0.0) == 0.0

@@ -78,10 +78,10 @@ class SlipControl:
     laws : mapping of str to class
         Classes of the laws to choose from, by name; an evaluation adds its baselines.
     hold_torque : float or sequence of float
-        Largest torque in HOLD of every wheel, or of each, N*m, above 0: what the gate lets
+        Largest torque in HOLD of every wheel, or of each, N·m, above 0: what the gate lets
         through.
     torque_rate : float or sequence of float
-        Fastest change of torque of every wheel, or of each, N*m/s, above 0: what the gate lets
+        Fastest change of torque of every wheel, or of each, N·m/s, above 0: what the gate lets
         through. A request that falls faster is followed at once.
     min_speed : float
         Speed below which slip is not acted on, m/s, above 0.
@@ -381,10 +381,10 @@ class SlipControl:
         state : SlipState
             Slip of all wheels and what belongs to it, SI units.
         shaft_torque : sequence of float or None
-            Measured shaft torque of every wheel, N*m, forward positive; NaN, or None for all
+            Measured shaft torque of every wheel, N·m, forward positive; NaN, or None for all
             wheels, where it is missing: then what was sent counts, after the lag.
         request : sequence of float or None
-            Requested torque of every wheel, N*m, forward positive; None before the first.
+            Requested torque of every wheel, N·m, forward positive; None before the first.
 
         Returns
         -------

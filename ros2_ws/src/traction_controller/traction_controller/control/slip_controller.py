@@ -51,7 +51,7 @@ class SlipController:
     set_point : SetPoint or None
         Seeks the slip target.
     request : sequence of float or None
-        Request acted on in the last step, N*m, forward positive; None: there was none in time.
+        Request acted on in the last step, N·m, forward positive; None: there was none in time.
     request_timeout, torque_timeout : float
         As given, s.
     lpv_refused : str
@@ -252,7 +252,7 @@ class SlipController:
         t : float
             Time of the reading, s.
         torque : sequence of float or None
-            Shaft torque of every wheel, N*m, forward positive; None: not measured.
+            Shaft torque of every wheel, N·m, forward positive; None: not measured.
         """
         self._shaft_torque, self._shaft_time = torque, t
 
@@ -264,7 +264,7 @@ class SlipController:
         steady_time : float
             Time of the clock that is never set, s.
         torque : sequence of float
-            Requested torque of every wheel, N*m, forward positive.
+            Requested torque of every wheel, N·m, forward positive.
         """
         self._asked, self._asked_at = torque, steady_time
 

@@ -34,17 +34,17 @@ class DrivenWheel:
     friction : float
         Friction torque of the bearings over rim speed, N*s.
     hold_torque : float
-        Largest torque in mode HOLD, N*m.
+        Largest torque in mode HOLD, N·m.
     torque_rate : float
-        Fastest change of torque, N*m/s.
+        Fastest change of torque, N·m/s.
     law : SlipLaw
         Law in force.
     stiffness : float
         Slip stiffness known last, N.
     expected_torque : float
-        Shaft torque expected from the commands, N*m, forward positive.
+        Shaft torque expected from the commands, N·m, forward positive.
     shaft_torque : float
-        Shaft torque, measured or else expected, N*m, forward positive.
+        Shaft torque, measured or else expected, N·m, forward positive.
     outcome : WheelOutcome
         Result of the last step.
     """
@@ -74,7 +74,7 @@ class DrivenWheel:
         Parameters
         ----------
         shaft_torque : float
-            Measured, N*m, forward positive; NaN where it is missing.
+            Measured, N·m, forward positive; NaN where it is missing.
         speed_measured : bool
             Whether a sensor measures the speed over ground.
         arriving : float
@@ -138,7 +138,7 @@ class WheelGroup:
 
     def reset(self) -> None:
         """Begin anew: no torque sent, no law acting, no fault."""
-        # Torque of the reference that was really sent, N*m, forward positive.
+        # Torque of the reference that was really sent, N·m, forward positive.
         self._sent = 0.0
         # Wheel whose law acted in the last step; the law keeps its memory while it stays.
         self._acting: DrivenWheel | None = None
@@ -146,7 +146,7 @@ class WheelGroup:
         # For how long the shafts have had less torque than expected, s.
         self._short = 0.0
         self._faulty = False
-        # Part of the torques of the former groups that is still to fade, of each wheel, N*m.
+        # Part of the torques of the former groups that is still to fade, of each wheel, N·m.
         self._taking_over = False
         self._leftover: list[float] = []
         self._leftover_share = 0.0
@@ -183,7 +183,7 @@ class WheelGroup:
         state : SlipState
             Slip of all wheels of the vehicle, SI units.
         request : sequence of float or None
-            Requested torque of all wheels of the vehicle, N*m, forward positive; None: there is
+            Requested torque of all wheels of the vehicle, N·m, forward positive; None: there is
             none.
         target : float
             Slip to limit or hold, 0.01 to 0.9.
@@ -286,7 +286,7 @@ class WheelGroup:
         self._shares = [request[wheel.index] / per_torque for wheel in wheels]
 
     def _max_torque(self, request: Sequence[float] | None, hold: bool) -> float:
-        """Largest torque of the reference, N*m."""
+        """Largest torque of the reference, N·m."""
         if request is None:
             return 0.0
         max_torque = abs(request[self._reference.index])

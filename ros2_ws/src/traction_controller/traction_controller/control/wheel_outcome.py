@@ -6,7 +6,7 @@ from enum import IntFlag
 from traction_controller.control.exit_reason import ExitReason, LimitStatus
 
 NO_GAINS: tuple[float, ...] = (0.0, 0.0, 0.0)
-"""Gains of a wheel that no law acts on: N*m, 1, N*m/s."""
+"""Gains of a wheel that no law acts on: N·m, 1, N·m/s."""
 
 
 class Degraded(IntFlag):
@@ -31,7 +31,7 @@ class WheelOutcome:
     Attributes
     ----------
     torque : float
-        Commanded torque, N*m, forward positive.
+        Commanded torque, N·m, forward positive.
     limit_status : LimitStatus
         Whether and by what the torque is limited.
     exit_reason : ExitReason
@@ -41,7 +41,7 @@ class WheelOutcome:
     slip_target : float
         Slip target acted on, dimensionless: lower than the one given while speed is not measured.
     gains : tuple of float
-        Gains on slip (N*m), shaft torque (1) and integral (N*m/s), and what else the law has.
+        Gains on slip (N·m), shaft torque (1) and integral (N·m/s), and what else the law has.
     """
 
     torque: float = 0.0

@@ -61,10 +61,10 @@ WHEEL_MEMORY = np.dtype(
         # Wheel speed as the tachometer's pulses leave it, rad/s, and its variance.
         ('omega', float),
         ('omega_variance', float),
-        # Smoothed wheel speed, rad/s, and drive torque, N*m.
+        # Smoothed wheel speed, rad/s, and drive torque, N·m.
         ('smooth_omega', float),
         ('smooth_drive', float),
-        # Moment of the soil, N*m; load, N; sinkage, m; shear displacement left in the rut, m.
+        # Moment of the soil, N·m; load, N; sinkage, m; shear displacement left in the rut, m.
         ('moment', float),
         ('load', float),
         ('sinkage', float),
@@ -162,7 +162,7 @@ class Body(NamedTuple):
     soils : ndarray, shape (n, 17)
         The packed nominal soil as each wheel meets it, SI units.
     load_distribution : ndarray, shape (n, 2)
-        Load of a wheel, N, per N of total load and per N*m of its moment.
+        Load of a wheel, N, per N of total load and per N·m of its moment.
     drift, changed : ndarray, shape (3, 3)
         Covariance of a wheel's three factors: what they gain per second, 1/s, and when the soil
         has changed, dimensionless.
@@ -305,7 +305,7 @@ def begin(t, omega, torque, x, p, wheel_memory, vehicle_memory, body, noise):
     t : float
         Time, s.
     omega, torque : ndarray, shape (n,)
-        Wheel speeds, rad/s, and shaft torques, N*m, forward positive.
+        Wheel speeds, rad/s, and shaft torques, N·m, forward positive.
     x, p : ndarray
         State and covariance in SI units, see `update_wheels`.
     wheel_memory, vehicle_memory : ndarray
@@ -348,7 +348,7 @@ def advance(t, omega, torque, x, p, wheel_memory, vehicle_memory, ruts, body, no
     t : float
         Time, s, after that of `vehicle_memory`.
     omega, torque : ndarray, shape (n,)
-        Wheel speeds, rad/s, and shaft torques, N*m, forward positive.
+        Wheel speeds, rad/s, and shaft torques, N·m, forward positive.
     x, p : ndarray
         State and covariance in SI units, see `update_wheels`.
     wheel_memory, vehicle_memory : ndarray
@@ -579,7 +579,7 @@ def update_wheels(method, t, omega, torque, x, p, wheel_memory, vehicle_memory, 
     t : float
         Time, s, after that of `vehicle_memory`.
     omega, torque : ndarray, shape (n,)
-        Wheel speeds, rad/s, and shaft torques, N*m, forward positive.
+        Wheel speeds, rad/s, and shaft torques, N·m, forward positive.
     x : ndarray, shape (2 + 3n,)
         State: m/s, N, logarithms.
     p : ndarray, shape (2 + 3n, 2 + 3n)

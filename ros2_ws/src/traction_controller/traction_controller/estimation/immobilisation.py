@@ -197,7 +197,7 @@ class Immobilisation:
         omega : array_like, shape (n,)
             Wheel speeds, rad/s, forward positive.
         torque : array_like, shape (n,)
-            Shaft torques, N*m, forward positive.
+            Shaft torques, N·m, forward positive.
         mobilised : float
             Thrust of all driven wheels as a share of what the soil can give at most,
             dimensionless; NaN where not known.

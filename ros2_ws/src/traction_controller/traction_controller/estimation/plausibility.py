@@ -152,7 +152,7 @@ class Plausibility:
         omega : sequence of float
             Wheel speeds, rad/s, forward positive.
         torque : sequence of float
-            Shaft torques, N*m, forward positive.
+            Shaft torques, N·m, forward positive.
         v : float
             Speed over ground that is expected, m/s; NaN where it is not known.
 

@@ -359,7 +359,7 @@ class VehicleEstimator:
         omega : array_like, shape (n,)
             Wheel speeds, rad/s, forward positive.
         torque : array_like, shape (n,)
-            Shaft torques, N*m, forward positive.
+            Shaft torques, N·m, forward positive.
 
         Returns
         -------

@@ -45,8 +45,8 @@ def quasi_static(v, omega, load, place, factors, nominal, wheel, ruts, guess, so
     Returns
     -------
     moment, resistance, strength_moment, sinkage, shear : float
-        N*m about the wheel's centre, positive when it resists; motion resistance, N; the part
-        of the moment that is proportional to strength, N*m; m; shear displacement of the soil
+        N·m about the wheel's centre, positive when it resists; motion resistance, N; the part
+        of the moment that is proportional to strength, N·m; m; shear displacement of the soil
         as it is left, m.
     """
     soil[0, :] = nominal

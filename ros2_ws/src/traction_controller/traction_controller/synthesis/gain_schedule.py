@@ -57,7 +57,7 @@ def lqi_gains(
     Parameters
     ----------
     a, b : float
-        Slip dynamics, 1/s and 1/(N*m*s).
+        Slip dynamics, 1/s and 1/(N·m·s).
     lag : float
         Time constant from commanded to shaft torque, s, above 0.
     dt : float
@@ -65,12 +65,12 @@ def lqi_gains(
     weights : ControlWeights
         What counts how much.
     torque_scale : float
-        u_s, N*m, above 0.
+        u_s, N·m, above 0.
 
     Returns
     -------
     ndarray, shape (3,)
-        Gain on slip, N*m; on shaft torque, 1; on the integral of the slip error, N*m/s:
+        Gain on slip, N·m; on shaft torque, 1; on the integral of the slip error, N·m/s:
         ``u = -k[0]*i - k[1]*T + k[2]*z``.
     """
     # Scaled to slip i_s and torque u_s, so that the Riccati equation is well conditioned.
@@ -155,7 +155,7 @@ class GainSchedule:
         Returns
         -------
         slip_gain, torque_gain, integral_gain : float
-            N*m, 1, N*m/s.
+            N·m, 1, N·m/s.
         """
         gains = self._table.at(math.log(max(abs(rim_speed), 1e-6)), math.log(max(stiffness, 1e-6)))
         slip_gain, torque_gain, integral_gain = gains.tolist()

@@ -157,7 +157,7 @@ class GainTable:
         Returns
         -------
         tuple of float
-            Gain on the slip error, N*m; on shaft torque and on the commands sent 1, 2, ...
+            Gain on the slip error, N·m; on shaft torque and on the commands sent 1, 2, ...
             periods ago, less the soil's moment, 1.
         """
         speed = max(abs(rim_speed), self._slowest)
@@ -366,7 +366,7 @@ def read_gain_table(
     Returns
     -------
     dict of str to GainTable
-        By the name of the wheel; gains in N*m and 1.
+        By the name of the wheel; gains in N·m and 1.
 
     Raises
     ------

@@ -71,7 +71,7 @@ def torque_scale(wheel: Wheel, rim_speed: float, slip: float) -> float:
     Returns
     -------
     float
-        G, N*m*s: ``J*omega/(1 - i)``.
+        G, N·m·s: ``J*omega/(1 - i)``.
     """
     return wheel.inertia * rim_speed / (wheel.radius * (1.0 - slip))
 

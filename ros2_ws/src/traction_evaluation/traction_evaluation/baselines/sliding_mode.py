@@ -47,7 +47,7 @@ class SlidingModeLaw(SlipLaw):
     Attributes
     ----------
     gains : tuple of float
-        Gains on slip, N*m (0 beyond the boundary layer), shaft torque, 1, integral, N*m/s.
+        Gains on slip, N·m (0 beyond the boundary layer), shaft torque, 1, integral, N·m/s.
 
     Raises
     ------

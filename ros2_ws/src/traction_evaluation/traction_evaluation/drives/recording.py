@@ -81,7 +81,7 @@ class Recording:
         The wheels, in the order of all columns.
     series : dict of str to Series
         The quantities that the bag holds: ``wheel_speed`` rad/s, ``shaft_torque``,
-        ``torque_request``, ``torque_command`` and ``torque`` N*m, ``radar``, ``speed``,
+        ``torque_request``, ``torque_command`` and ``torque`` N·m, ``radar``, ``speed``,
         ``speed_estimate`` and ``rim_speed`` m/s, ``slip`` and ``slip_estimate``
         (dimensionless), ``distance`` m.
     slip_target : float or None

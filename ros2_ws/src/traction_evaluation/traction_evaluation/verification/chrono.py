@@ -94,7 +94,7 @@ class ChronoRecording:
     v, x : ndarray, shape (k,)
         Speed, m/s, and distance, m.
     torque, omega, sinkage, net_force : ndarray, shape (k, n)
-        Drive torque, N*m; wheel speed, rad/s; sinkage of the wheel, m, negative off the ground;
+        Drive torque, N·m; wheel speed, rad/s; sinkage of the wheel, m, negative off the ground;
         net horizontal force of the soil on the wheel, N.
     """
 

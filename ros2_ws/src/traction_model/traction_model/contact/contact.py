@@ -238,7 +238,7 @@ def plate_contact(form, v, omega, z, z_rate, soil, radius, width, imposed):
     Returns
     -------
     load, thrust, resistance, moment : float
-        N, N, N, N*m. `PAPER` gives no thrust where its kappa exceeds 1 (below about 10 %
+        N, N, N, N·m. `PAPER` gives no thrust where its kappa exceeds 1 (below about 10 %
         slip), where the formula would push the wrong way.
     """
     if z <= 0.0:
@@ -572,7 +572,7 @@ def arc_contact(
     Returns
     -------
     load, thrust, resistance, moment : float
-        N, N, N, N*m.
+        N, N, N, N·m.
     shear : float
         Shear displacement of the soil as it is left, m.
     """
@@ -669,7 +669,7 @@ def forces_at(
     Returns
     -------
     load, thrust, resistance, moment : float
-        N, N, N, N*m: load on the wheel, thrust, motion resistance, moment about its centre.
+        N, N, N, N·m: load on the wheel, thrust, motion resistance, moment about its centre.
     shear : float
         Shear displacement of the soil as it is left, m.
     """
@@ -774,7 +774,7 @@ def contact(form, v, omega, z, z_rate, soil, radius, width):
     Returns
     -------
     load, thrust, resistance, moment : float
-        N, N, N, N*m: load on the wheel, thrust, motion resistance, moment about its centre.
+        N, N, N, N·m: load on the wheel, thrust, motion resistance, moment about its centre.
     """
     return forces_at(
         form, v, omega, z, z_rate, 0.0, soil.reshape(1, -1), EVERYWHERE, radius, width,

@@ -135,7 +135,7 @@ def steady_contact(
     Returns
     -------
     sinkage, thrust, resistance, moment : float
-        m, N, N, N*m: where the soil carries the load, with thrust, the soil's resistance to
+        m, N, N, N·m: where the soil carries the load, with thrust, the soil's resistance to
         motion, and the moment about the wheel's centre that resists.
 
     Raises

@@ -16,13 +16,13 @@ class Matrices(NamedTuple):
     A : ndarray, shape (s, s)
         State units per state unit and second.
     B : ndarray, shape (s, n)
-        Torques: state units per N*m and second.
+        Torques: state units per N·m and second.
     B_uc : ndarray, shape (s, k)
         Inputs that cannot be controlled: state units per input unit and second.
     C : ndarray, shape (p, s)
         Outputs, in units of the states.
     D : ndarray, shape (p, n)
-        Zero: no torque reaches an output at once; output units per N*m.
+        Zero: no torque reaches an output at once; output units per N·m.
     """
 
     A: Array

@@ -83,7 +83,7 @@ class SoilReaction(NamedTuple):
     shear : float or ndarray, shape (n,)
         Force of the shear stress on the vehicle, N, forward positive.
     shear_moment : float or ndarray, shape (n,)
-        Its moment about the centre, N*m, positive where it resists forward rotation.
+        Its moment about the centre, N·m, positive where it resists forward rotation.
     resistance : float or ndarray, shape (n,)
         Motion resistance R, N.
     """
@@ -154,7 +154,7 @@ class LpvModel(ABC):
     state_names, input_names, uncontrolled_names, output_names : tuple of str
         Names of the entries of x, u, u_uc and y.
     state_units, uncontrolled_units : tuple of str
-        Their units; u is in N*m, y in the units of its states.
+        Their units; u is in N·m, y in the units of its states.
     constraint : ndarray, shape (n, g)
         Speed of every wheel per speed of the independent ones, dimensionless.
     independent : tuple of int

@@ -42,7 +42,7 @@ def slip_dynamics(
     Returns
     -------
     a, b : float
-        1/s and 1/(N*m*s): ``i' = a*i + b*T`` for changes from the operating point.
+        1/s and 1/(N·m·s): ``i' = a*i + b*T`` for changes from the operating point.
 
     Raises
     ------

@@ -113,7 +113,7 @@ class SlipLpvModel(LpvModel):
         -------
         dict of str to ndarray
             ``speed``, m/s, ``slip``, dimensionless, ``slip_stiffness``, N, ``moment_stiffness``,
-            N*m, and ``resistance_gradient``, N/m.
+            N·m, and ``resistance_gradient``, N/m.
 
         Raises
         ------

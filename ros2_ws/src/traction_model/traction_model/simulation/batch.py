@@ -73,7 +73,7 @@ class Batch:
     resistance : ndarray, shape (b, m, n)
         R, N, positive against forward motion.
     moment : ndarray, shape (b, m, n)
-        M, N*m, the soil's resistance to the wheel's rotation.
+        M, N·m, the soil's resistance to the wheel's rotation.
     """
 
     t: Array
@@ -113,7 +113,7 @@ def simulate_batch(
     terrains : Terrain, Soil, or sequence of them
         What they drive on.
     torque : array_like, shape (k, n) or (b, k, n)
-        Torque on every wheel at every sample, N*m; linear in between.
+        Torque on every wheel at every sample, N·m; linear in between.
     dt : float
         Time between samples and longest step of integration, s, above 0 and at most 0.02.
     form : Form

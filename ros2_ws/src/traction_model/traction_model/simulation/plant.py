@@ -249,7 +249,7 @@ class Plant:
 
     @property
     def soil_moment(self) -> Array:
-        """Moment M of the soil about every wheel's centre, N*m, shape (n,).
+        """Moment M of the soil about every wheel's centre, N·m, shape (n,).
 
         Positive where it resists forward rotation.
         """
@@ -299,7 +299,7 @@ class Plant:
         Parameters
         ----------
         torque : array_like, shape (n,)
-            Commanded torque, N*m, forward positive.
+            Commanded torque, N·m, forward positive.
         duration : float
             s, above 0.
 

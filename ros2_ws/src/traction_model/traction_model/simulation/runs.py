@@ -40,7 +40,7 @@ class Runs(NamedTuple):
     work : ndarray, shape (b, 3, 2 + 3n)
         Room to work in, SI units.
     torque : ndarray, shape (b or 1, samples, n)
-        N*m; one for all, or one a run.
+        N·m; one for all, or one a run.
     given : ndarray, shape (2, 3, n)
         Stands for given sinkage, m, which batches do not take.
     """

@@ -65,7 +65,7 @@ class Trajectory:
     resistance : ndarray, shape (k, n)
         R, N, positive against forward motion.
     moment : ndarray, shape (k, n)
-        M, N*m, the soil's resistance to the wheel's rotation.
+        M, N·m, the soil's resistance to the wheel's rotation.
     """
 
     t: Array
@@ -122,7 +122,7 @@ def simulate(
     terrain : Terrain or Soil
         What it drives on.
     torque : array_like, shape (k, n)
-        Torque on every wheel at every sample, N*m; linear in between.
+        Torque on every wheel at every sample, N·m; linear in between.
     dt : float
         Time between samples and longest step of integration, s, above 0 and at most 0.02.
     form : Form

@@ -123,11 +123,11 @@ class Ramp(Definition):
     Attributes
     ----------
     to : tuple of float
-        Torque at its end, N*m, one a wheel or one for all.
+        Torque at its end, N·m, one a wheel or one for all.
     over : float
         Time it takes, s, above 0.
     start : tuple of float
-        Torque at its start, N*m, one a wheel or one for all.
+        Torque at its start, N·m, one a wheel or one for all.
     """
 
     to: Torques
@@ -143,7 +143,7 @@ class Step(Definition):
     at : float
         s, at least 0.
     torque : tuple of float
-        N*m, one a wheel or one for all.
+        N·m, one a wheel or one for all.
     """
 
     at: float = Field(ge=0)
@@ -156,7 +156,7 @@ class TorqueProfile(Definition):
     Attributes
     ----------
     constant : tuple of float, optional
-        N*m, forward positive, one a wheel or one for all.
+        N·m, forward positive, one a wheel or one for all.
     ramp : Ramp, optional
         Torque that changes in a straight line.
     steps : tuple of Step, optional
@@ -190,7 +190,7 @@ class TorqueProfile(Definition):
         Returns
         -------
         ndarray, shape (k, wheels)
-            N*m, forward positive.
+            N·m, forward positive.
 
         Raises
         ------
@@ -282,7 +282,7 @@ class SweepDefinition(Definition):
     initial_speed : float
         m/s, forward positive.
     torque : TorqueProfile
-        Nominal torque of every wheel, N*m.
+        Nominal torque of every wheel, N·m.
     duration : float
         Length of each drive, s, above 0.
     dt : float
@@ -709,7 +709,7 @@ def figures(trajectory: Trajectory, torque: Array, scenario: SimulatedDrive, set
     trajectory : Trajectory
         Its motion, SI units.
     torque : ndarray, shape (k, n)
-        Torque on every wheel at every sample, N*m.
+        Torque on every wheel at every sample, N·m.
     scenario : SimulatedDrive
         The drive, SI units.
     settle : float

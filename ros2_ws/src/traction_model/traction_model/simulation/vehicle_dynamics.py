@@ -92,7 +92,7 @@ class Model(NamedTuple):
     wheels : ndarray, shape (n, 7)
         Packed wheels, SI units.
     load_distribution : ndarray, shape (n, 2)
-        Load of a wheel, N, per N of total load and per N*m of its moment.
+        Load of a wheel, N, per N of total load and per N·m of its moment.
     soils : ndarray, shape (n, k, 17)
         Packed soils as each wheel meets them, SI units.
     starts : ndarray, shape (k,)
@@ -138,7 +138,7 @@ def derivative(t, y, torque, given, row, share, model, ruts, forces, slope, n, f
     y : ndarray, shape (2 + 3n,)
         Speed m/s, distance m, wheel speeds rad/s, sinkages m, sinkage rates m/s.
     torque : ndarray, shape (k, n)
-        Samples of drive torque, N*m, forward positive.
+        Samples of drive torque, N·m, forward positive.
     given : ndarray, shape (k, 3, n)
         Samples of sinkage, m, its rate, m/s, and its acceleration, m/s^2, downward positive;
         read in mode 'given' only, and used where the sinkage is positive.

@@ -26,12 +26,12 @@ def load_moment(weight, cg_x, cg_height, hitch_height, pull, force_at_cg, wheel_
     force_at_cg : float
         What acts backward at the centre of gravity, N: inertia, grade and air drag.
     wheel_moment : float
-        Sum over the wheels of shaft torque less radius times net traction, N*m: nose-up.
+        Sum over the wheels of shaft torque less radius times net traction, N·m: nose-up.
 
     Returns
     -------
     float
-        N*m, positive where loads lie ahead of the rear axle.
+        N·m, positive where loads lie ahead of the rear axle.
     """
     return cg_x * weight - hitch_height * pull - wheel_moment - cg_height * force_at_cg
 
@@ -47,7 +47,7 @@ def wheel_load(distribution, weight, moment):
     weight : float
         Load of all wheels together, N.
     moment : float
-        Its moment about the rear axle, see `load_moment`, N*m.
+        Its moment about the rear axle, see `load_moment`, N·m.
 
     Returns
     -------

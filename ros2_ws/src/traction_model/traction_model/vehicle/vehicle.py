@@ -133,7 +133,7 @@ class Vehicle(Definition):
         Returns
         -------
         ndarray, shape (n, 2)
-            Load of each wheel, N, per N of total load and per N*m of moment about the
+            Load of each wheel, N, per N of total load and per N·m of moment about the
             rear axle's ground contact (nose-up positive).
         """
         x = self.wheel_positions

@@ -28,7 +28,7 @@ class Wheel(Definition):
     inertia : float
         J, kg*m^2, above 0: of the wheel and all that turns with it, about its axle.
     viscous_friction : float
-        b_f, N*m*s/rad, at least 0: friction torque of the drive per wheel speed.
+        b_f, N·m·s/rad, at least 0: friction torque of the drive per wheel speed.
     mass : float
         kg, at least 0: carried by the soil but not part of the chassis.
     grouser_height : float

@@ -22,7 +22,7 @@ class Drivetrain:
     front : sequence of bool
         Whether each wheel is on the front axle; there must be wheels on the rear one.
     reference_torque : float
-        Engine torque of 100 %, N*m, above 0.
+        Engine torque of 100 %, N·m, above 0.
     ratio : float
         Engine speed over wheel speed, in the gear driven, dimensionless, above 0.
     efficiency : float
@@ -33,7 +33,7 @@ class Drivetrain:
     Attributes
     ----------
     full_torque : float
-        Torque of all wheels at 100 % of the engine's, N*m.
+        Torque of all wheels at 100 % of the engine's, N·m.
 
     Raises
     ------
@@ -98,7 +98,7 @@ class Drivetrain:
         Returns
         -------
         ndarray, shape (n,)
-            N*m.
+            N·m.
         """
         return np.asarray(engine * self.full_torque * self._shares[front_engaged])
 
@@ -108,7 +108,7 @@ class Drivetrain:
         Parameters
         ----------
         torques : array_like, shape (n,)
-            Most torque of every wheel, N*m; those of wheels without drive do not count.
+            Most torque of every wheel, N·m; those of wheels without drive do not count.
         front_engaged : bool
             Whether the front axle is driven.
 

@@ -78,7 +78,7 @@ class TractorEcu:
         Parameters
         ----------
         torques : array_like, shape (4,)
-            Torque of every wheel, N*m; the engine gives their sum, divided as the drivetrain does.
+            Torque of every wheel, N·m; the engine gives their sum, divided as the drivetrain does.
         """
         self._demand = float(
             np.clip(np.sum(torques) / self._drivetrain.full_torque, -HIGHEST, HIGHEST)
@@ -137,7 +137,7 @@ class TractorEcu:
         Returns
         -------
         ndarray, shape (4,)
-            N*m.
+            N·m.
         """
         limit = self.limit(t)
         share = self._demand
@@ -163,7 +163,7 @@ class TractorEcu:
         t : float
             Now, s.
         omega, torque : array_like, shape (4,)
-            Wheel speeds, rad/s, and shaft torques, N*m, forward positive.
+            Wheel speeds, rad/s, and shaft torques, N·m, forward positive.
 
         Returns
         -------

@@ -192,7 +192,7 @@ class VehicleBus:
         Returns
         -------
         ndarray, shape (4,), or None
-            N*m, forward positive; None where the engine does not tell.
+            N·m, forward positive; None where the engine does not tell.
         """
         engine = self.watch.value(t, 'EEC1', 'ActualEnginePercentTorque')
         if isinstance(engine, Unknown):
@@ -248,7 +248,7 @@ class VehicleBus:
         t : float
             Now, s.
         torques : array_like, shape (4,)
-            N*m, forward positive; in reverse the engine is limited by their magnitude.
+            N·m, forward positive; in reverse the engine is limited by their magnitude.
 
         Raises
         ------

@@ -31,7 +31,7 @@ class WheelState:
     gross_traction : float
         Gross traction, N, along the request.
     shaft_torque : float
-        Shaft torque, N*m, along the request.
+        Shaft torque, N·m, along the request.
     """
 
     slip: float = 0.0
@@ -48,8 +48,8 @@ class SlipLaw(ABC):
     Attributes
     ----------
     gains : tuple of float
-        Gains of the last step: on slip (N*m), on shaft torque (1), on the integral of the slip
-        error (N*m/s), and what else the law has; for the state message.
+        Gains of the last step: on slip (N·m), on shaft torque (1), on the integral of the slip
+        error (N·m/s), and what else the law has; for the state message.
     velocity_form : bool
         Whether each step adds to the torque sent, so that torque which is not delivered must come
         off it. Other laws compute the whole torque from the state of the wheel.
@@ -73,14 +73,14 @@ class SlipLaw(ABC):
         target : float
             Slip to reach, 0.01 to 0.9.
         sent : float
-            Torque that was really sent at the last step, after all limits, N*m.
+            Torque that was really sent at the last step, after all limits, N·m.
         dt : float
             Time since the last step, s, at least 0.
 
         Returns
         -------
         float
-            Torque wanted, N*m, before limits.
+            Torque wanted, N·m, before limits.
         """
 
 
@@ -115,16 +115,16 @@ class Takeover:
         Parameters
         ----------
         wanted : float
-            Torque that the law wants by itself, N*m.
+            Torque that the law wants by itself, N·m.
         sent : float
-            Torque that was really sent at the last step, N*m.
+            Torque that was really sent at the last step, N·m.
         dt : float
             Time since the last step, s, at least 0.
 
         Returns
         -------
         float
-            Torque to send, N*m.
+            Torque to send, N·m.
         """
         if self._offset is None:
             self._offset = sent - wanted
@@ -145,7 +145,7 @@ def soil_moment(wheel: Wheel, state: WheelState) -> float:
     Returns
     -------
     float
-        M, N*m: ``r*F + b_f*omega``, F the gross traction.
+        M, N·m: ``r*F + b_f*omega``, F the gross traction.
     """
     omega = abs(state.rim_speed) / wheel.radius
     return wheel.radius * state.gross_traction + wheel.viscous_friction * omega

@@ -44,8 +44,8 @@ class LpvLaw(SlipLaw):
     Attributes
     ----------
     gains : tuple of float
-        Gains of the last step as the table gave them, on slip error, N*m, on shaft torque and on
-        commands, 1, with 0 N*m/s in between for the integral, which there is none of.
+        Gains of the last step as the table gave them, on slip error, N·m, on shaft torque and on
+        commands, 1, with 0 N·m/s in between for the integral, which there is none of.
 
     Raises
     ------

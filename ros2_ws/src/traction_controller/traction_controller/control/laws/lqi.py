@@ -58,7 +58,7 @@ class LqiLaw(SlipLaw):
     schedule : GainSchedule
         Its gains, shared by like wheels.
     gains : tuple of float
-        Gains of the last step: N*m, 1, N*m/s.
+        Gains of the last step: N·m, 1, N·m/s.
     """
 
     velocity_form = True

@@ -30,7 +30,7 @@ def simc_gains(
     Parameters
     ----------
     a, b : float
-        Slip dynamics, 1/s, at most 0, and 1/(N*m*s), above 0.
+        Slip dynamics, 1/s, at most 0, and 1/(N·m·s), above 0.
     lag : float
         Time constant from commanded to shaft torque, s, above 0.
     delay : float
@@ -41,7 +41,7 @@ def simc_gains(
     Returns
     -------
     proportional, integral : float
-        N*m and N*m/s.
+        N·m and N·m/s.
     """
     # Times a, as slip may integrate (a = 0): then its lag is infinite and its gain with it.
     if -a * lag < 1.0:
@@ -85,7 +85,7 @@ class PiLaw(SlipLaw):
     Attributes
     ----------
     gains : tuple of float
-        Gains on slip, N*m, on shaft torque, always 0 (1), and on the integral, N*m/s.
+        Gains on slip, N·m, on shaft torque, always 0 (1), and on the integral, N·m/s.
 
     Raises
     ------
@@ -139,7 +139,7 @@ class PiLaw(SlipLaw):
         Returns
         -------
         proportional, integral : float
-            N*m and N*m/s.
+            N·m and N·m/s.
         """
         a, b = slip_dynamics(self._wheel, self._mass, rim_speed, stiffness, self._slip)
         return simc_gains(a, b, self._lag, self._delay, self._response_time)
