@@ -1,4 +1,4 @@
-"""Claims of addresses, one device against others on a bus of lists."""
+"""Address claims of several devices on a simulated bus."""
 
 import pytest
 
@@ -19,7 +19,7 @@ FIXED = name_of(identity=3, manufacturer=2047, function=130, arbitrary=False)
 
 
 def settle(devices, t=0.0):
-    """Start all devices, carry frames to and fro until nothing is left to say, and wait."""
+    """Start all devices, deliver frames until none is left, and let the claims end."""
     pending = [(device, frame) for device in devices for frame in device.start(t)]
     count = 0
     while pending:
@@ -72,7 +72,7 @@ def test_many_devices_get_addresses_of_their_own():
 
 
 def test_who_cannot_use_another_falls_silent():
-    # Its lack of the arbitrary bit makes FIXED the lower NAME; so the other one is lower still.
+    # Without the arbitrary bit FIXED has a low NAME; the other device needs a lower one.
     lower = FIXED - 1
     silent, other = AddressClaim(FIXED, 0x26), AddressClaim(lower, 0x26)
     told = settle([silent, other])
@@ -80,7 +80,7 @@ def test_who_cannot_use_another_falls_silent():
     assert silent.state is Claim.LOST
     assert silent.address == NULL
     assert [identifier.source for identifier, _ in told] == [NULL]
-    # Told once.
+    # Sent once.
     assert silent.poll(10.0) == []
 
 
@@ -113,7 +113,7 @@ def test_other_frames_change_nothing():
     for identifier, data in (
         (Identifier(CLAIMED_PGN, 0x80), LOW.to_bytes(8, 'little')[:7]),
         (Identifier(CLAIMED_PGN, NULL), LOW.to_bytes(8, 'little')),
-        # An echo of one's own.
+        # Echo of the own claim.
         (Identifier(CLAIMED_PGN, 0x80), HIGH.to_bytes(8, 'little')),
         (Identifier(61444, 0x80), b'\xff' * 8),
     ):

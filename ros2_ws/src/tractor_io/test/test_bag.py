@@ -1,4 +1,4 @@
-"""The bag reader and writer: round trips, order, and clear errors for what is no bag."""
+"""Bag reader and writer: round trips, order, and errors for files that are no bags."""
 
 from pathlib import Path
 
@@ -69,7 +69,7 @@ def write_bag(path: Path, count: int = 50) -> Path:
 
 
 def write_sqlite3(path: Path, count: int = 50) -> Path:
-    """The same messages as `write_bag`, as rosbag2's sqlite3 storage holds them."""
+    """Write the messages of `write_bag` in rosbag2's sqlite3 format."""
     store = typestore()
     with RosbagsWriter(path, version=9, storage_plugin=StoragePlugin.SQLITE3) as bag:
         wheel = bag.add_connection('/wheel_states', JOINT_STATE, typestore=store)

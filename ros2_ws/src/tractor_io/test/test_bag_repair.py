@@ -1,4 +1,4 @@
-"""Repair and cuts of bags: what is got back of a file that breaks off anywhere."""
+"""Repair and cuts of bags: messages recovered from files cut at any byte."""
 
 import math
 
@@ -49,7 +49,7 @@ def velocities(path):
 
 def test_all_that_was_flushed_is_got_back(tmp_path):
     bag = write(tmp_path / 'bag', count=95, flush_every=20, closed=False)
-    # As a killed process leaves it: what is in its own buffers is lost.
+    # Like a killed process: the content of its buffers is lost.
     with pytest.raises(BagError):
         BagReader(tmp_path / 'bag')
     found = repair_bag(tmp_path / 'bag')
@@ -75,7 +75,7 @@ def test_file_that_breaks_off_anywhere(tmp_path, share):
     got = velocities(tmp_path / 'new')
     assert len(got) == found.counts['/wheel_states']
     assert got == [float(i) for i in range(len(got))]
-    # Whole chunks of ten, but for what the index at the end takes of the file.
+    # Whole chunks of ten messages, less the part of the file that the index takes.
     assert len(got) % 10 == 0
     assert len(got) >= 100 * (share - 0.2)
 
@@ -116,7 +116,7 @@ def test_repair_refuses_in_words(tmp_path):
 def test_cut_takes_what_lies_in_between(tmp_path):
     write(tmp_path / 'bag')
     counts = cut_bag(tmp_path / 'bag', tmp_path / 'part', 0.2, 0.5, ['wheel_states'])
-    # From 0.20 to 0.50 s, both ends in it.
+    # From 0.20 to 0.50 s, both included.
     assert counts == {'/wheel_states': 31}
     assert velocities(tmp_path / 'part') == [float(i) for i in range(20, 51)]
     with BagReader(tmp_path / 'part') as bag:

@@ -1,4 +1,4 @@
-"""What is heard on the bus: newest values, silence, and who is believed."""
+"""Bus watch: newest values, missing messages, accepted senders."""
 
 import math
 
@@ -27,7 +27,7 @@ def test_newest_value_counts_until_silence():
     assert watch.value(0.59, 'GBSD', FIELD) == pytest.approx(2.0)
     assert watch.value(0.61, 'GBSD', FIELD) is Unknown.NOT_AVAILABLE
     assert watch.silent(0.61, 'GBSD')
-    # Each message by itself.
+    # The sender is chosen for each message separately.
     assert watch.silent(0.1, 'WBSD')
 
 
@@ -38,7 +38,7 @@ def test_first_sender_is_heard_until_it_is_silent():
     assert watch.value(0.1, 'GBSD', FIELD) == pytest.approx(1.0)
     assert watch.refused == {'GBSD': 1}
     assert send(watch, 0.7, 3.0, source=20) is not None
-    # Now that one is, and the first has to wait.
+    # Now the second sender is accepted, and the first is not.
     assert send(watch, 0.8, 1.0, source=10) is None
     assert watch.value(0.8, 'GBSD', FIELD) == pytest.approx(3.0)
 

@@ -25,7 +25,7 @@ PARAMETERS = {
 
 
 class Tractor:
-    """The other end of the bus, which sends when told and keeps what it hears."""
+    """Other end of the bus; keeps all received frames."""
 
     def __init__(self, port):
         self.bus = open_bus('udp_multicast', port=port)
@@ -52,7 +52,7 @@ class Tractor:
                 continue  # not TSC1, whose parameter group is 0
             group = GROUPS.decode(message.arbitration_id, bytes(message.data))
             if group is not None and group.name == 'TSC1':
-                # In a flood some frames are lost here, whose counters then do not count on.
+                # In a flood some frames are lost here, so their counters have gaps.
                 with contextlib.suppress(FrameError):
                     limit = self._reader.read(group, bytes(message.data))
                     self.limits.append((time.monotonic(), group.identifier.source, limit))
@@ -60,7 +60,7 @@ class Tractor:
 
 
 class Setup:
-    """Bridge, tractor and somebody on the ROS side."""
+    """Bridge, tractor, and a probe on the ROS side."""
 
     def __init__(self, probe, tractor, process, port, log):
         self.probe, self.tractor, self.process = probe, tractor, process
@@ -70,7 +70,7 @@ class Setup:
         self.publisher = probe.publisher('wheel_torque')
 
     def drive(self, until, what, torques=None, timeout=10.0):
-        """Send what a tractor sends, and torques, every 10 ms until a condition holds."""
+        """Send the tractor's frames and torques every 10 ms until a condition holds."""
 
         def work():
             self.tractor.drive()
@@ -170,7 +170,7 @@ def test_raw_frames_are_told_in_both_directions(setup):
         sources = {frame.id & 0xFF for frame in frames}
         return frames if {0, 0x87} <= sources and len(frames) > 50 else None
 
-    # TSC1 begins once the address is the bridge's own.
+    # TSC1 starts when the claim is complete.
     frames = setup.drive(both, 'frames of tractor and bridge')
     speed = next(f for f in frames if f.id == GROUPS.identifier('GBSD')._replace(source=0).bits)
     assert (speed.is_extended, speed.is_rtr, speed.is_error, speed.dlc) == (True, False, False, 8)
@@ -182,7 +182,7 @@ def test_raw_frames_are_told_in_both_directions(setup):
     values = GROUPS.decode(speed.id, bytes(speed.data)).values
     assert values['GroundBasedMachineSpeed'] == pytest.approx(1.5)
     assert speed.header.stamp.sec > 0
-    # What is sent comes back over UDP, but is told once: every limit has another counter.
+    # UDP echoes sent frames, but each is published once: consecutive counters differ.
     limits = [f.data.tobytes() for f in frames if f.id == 0x0C000087]
     assert all(first != second for first, second in itertools.pairwise(limits))
     stamps = [f.header.stamp.sec + 1e-9 * f.header.stamp.nanosec for f in frames]
@@ -200,7 +200,7 @@ def test_flood_and_error_frames_stall_neither_limit_nor_its_end(setup):
     def flood():
         bus = open_bus('udp_multicast', port=setup.port)
         while not ended.is_set():
-            # Of no meaning here, of the wrong length, asking for addresses, errors.
+            # Unknown frames, frames of wrong length, requests for addresses, error frames.
             bus.send(can.Message(arbitration_id=0x18FF0012, data=bytes(8)))
             bus.send(can.Message(arbitration_id=0x0CFE4812, data=bytes(3)))
             bus.send(can.Message(arbitration_id=0x18EAFF12, data=[0x00, 0xEE, 0x00]))
@@ -213,7 +213,7 @@ def test_flood_and_error_frames_stall_neither_limit_nor_its_end(setup):
         begun = time.monotonic()
         setup.drive(lambda: time.monotonic() > begun + 2.0, 'two seconds', torques)
         setup.probe.wait_for_diagnostic('can_bridge', 'flooded')
-        # As the gate is silent by now.
+        # The gate no longer sends here.
         setup.probe.wait_for(
             lambda: setup.tractor.hear() and limits[-1][2] == 0.0, 5.0, 'a limit of 0'
         )
@@ -222,14 +222,14 @@ def test_flood_and_error_frames_stall_neither_limit_nor_its_end(setup):
         flooding.join()
     assert setup.process.interrupt() == 0
     assert max(len(message.frames) for message in told) <= 100
-    # By the bridge's own log, as some are lost on the way to here.
+    # From the log of the bridge, since some frames are lost on the way to the test.
     sent = [
         message.timestamp
         for message in can.CanutilsLogReader(setup.log)
         if message.arbitration_id == 0x0C000087
     ]
-    # An engine drops a limit that is not repeated for 100 ms. The flood takes one core of a
-    # machine that may be busy otherwise, so not every single frame is held to it.
+    # An engine drops a limit after 100 ms. The flood takes one core of a machine that may be
+    # busy, so a few frames may be later.
     assert np.percentile(np.diff(sent), 95) < 0.05
     assert np.median(np.diff(sent)) == pytest.approx(0.01, abs=0.005)
 
@@ -276,7 +276,7 @@ def test_candump_log_is_heard_at_its_pace(tmp_path):
             {'interface': 'canbus'},
             "unknown CAN interface 'canbus': there are socketcan",
         ),
-        ({'log': 'a.log', 'channel': 'a.log'}, 'is the log that is heard'),
+        ({'log': 'a.log', 'channel': 'a.log'}, 'is the log that is read'),
         ({'wheel_names': ['l', 'r'], 'wheel_radii': [0.8, 0.8]}, 'must name four wheels'),
         ({'sources': ['EEC1']}, "expected MESSAGE=ADDRESS, got 'EEC1'"),
         ({'sources': ['EEC9=1']}, "unknown message 'EEC9'"),

@@ -1,4 +1,4 @@
-"""Import of CSV files: conversions calculated by hand, and errors that name the place."""
+"""Import of CSV files: conversions calculated by hand, and errors with their place."""
 
 import math
 import tracemalloc
@@ -153,7 +153,7 @@ def test_faults_of_the_file_name_the_place(tmp_path, table, reason):
     with pytest.raises(CsvImportError, match=reason) as fault:
         import_csv(table, text, bag)
     assert 'log.csv' in str(fault.value)
-    # Nothing is left, neither under the bag's name nor beside it.
+    # Neither a bag nor a temporary folder is left.
     assert sorted(p.name for p in tmp_path.iterdir()) == ['log.csv', 'map.yaml']
 
 
@@ -234,7 +234,7 @@ def test_memory_does_not_grow_with_the_file(tmp_path):
             tracemalloc.stop()
 
     peak(10)
-    # Once chunks are full; ten times the rows may only add to the index.
+    # Chunks are full in both cases; ten times the rows may only add to the index.
     short, long = peak(3_000), peak(30_000)
     assert long - short < 1_000_000
 

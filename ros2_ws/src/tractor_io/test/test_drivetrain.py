@@ -1,4 +1,4 @@
-"""Torque of engine and wheels, by hand and both ways."""
+"""Engine torque to wheel torques and back, calculated by hand."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Frames to values and back, by hand and at random; what is refused."""
+"""Frames to values and back, by hand and at random; errors."""
 
 import math
 from contextlib import suppress

@@ -1,4 +1,4 @@
-"""Player and recorder as processes: what is played is recorded, message for message."""
+"""Player and recorder as processes: every played message is recorded."""
 
 import itertools
 import resource
@@ -119,12 +119,12 @@ def test_bag_tells_versions_and_parameters_of_the_nodes(tmp_path):
     ):
 
         def told():
-            # Said at once, so that a killed recorder has it as well.
+            # Written at the start, so that the bag of a killed recorder has it.
             files = list(output.glob('*.mcap'))
             return files and b'parameters /one/torque_gate' in files[0].read_bytes()
 
         probe.wait_for(told, 30.0, 'parameters of the gate in the bag')
-        # As late as can be: said when the bag is closed.
+        # The latest case: written when the bag is closed.
         changed = probe.set_parameter('can_bridge', 'front_engaged', False)
         assert changed == ''
         probe.run_for(0.2)
@@ -276,7 +276,7 @@ def test_recorder_takes_what_publishers_offer(tmp_path, reliability):
             reliability == ReliabilityPolicy.RELIABLE
         )
         recorded = [m.message.effort[0] for m in bag.messages()]
-    # From where the two found each other on, none is missing.
+    # None is missing after publisher and subscription are matched.
     assert recorded == [recorded[0] + i for i in range(len(recorded))]
 
 

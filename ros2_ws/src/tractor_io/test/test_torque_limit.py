@@ -1,4 +1,4 @@
-"""Limit of engine torque: the frame byte by byte, and what an engine makes of it."""
+"""Torque limit: the frame byte by byte, and its reading as in an engine."""
 
 import math
 
@@ -96,5 +96,5 @@ def test_limits_that_cannot_be_told(share):
     limit = TorqueLimit(GROUPS)
     with pytest.raises(FrameError, match=r'must be -1\.25 to 1\.25 of reference, got'):
         limit.limit(1, share)
-    # The counter has not moved on.
+    # The counter did not change.
     assert limit.limit(1, 0.0)[1][7] & 0x0F == 0

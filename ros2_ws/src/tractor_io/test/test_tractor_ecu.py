@@ -1,4 +1,4 @@
-"""The simulated control units against the bridge's own side of the bus, frame by frame."""
+"""Simulated control units against the bridge, frame by frame."""
 
 import pytest
 
@@ -80,7 +80,7 @@ def test_engine_gives_the_least_of_demand_and_limits():
         ecu.take(0.0, *limit.limit(sender, share))
     assert ecu.limit(0.0) == pytest.approx(0.25)
     assert ecu.wheel_torques(0.0) == pytest.approx([500, 500, 2000, 2000])
-    # A limit that is taken back no longer counts, nor one that is not repeated.
+    # A released limit no longer counts, nor one that is not repeated.
     ecu.take(0.01, *low.release(2))
     assert ecu.limit(0.01) == pytest.approx(0.4)
     assert ecu.limit(LIMIT_TIMEOUT + 0.001) is None
@@ -109,7 +109,7 @@ def test_limit_goes_all_the_way_round():
         for identifier, data in bus.outgoing(t):
             ecu.take(t, identifier, data)
         if t < WAIT:
-            # No address yet: the driver alone decides.
+            # No address yet: only the driver commands.
             assert ecu.limit(t) is None
     assert ecu.wheel_torques(0.39) == pytest.approx(TORQUES)
     assert not isinstance(bus.status(0.39)['engine_torque'], Unknown)

@@ -1,4 +1,4 @@
-"""The bus as traction control sees it: signs, silence, limits, and the address they come from."""
+"""Vehicle bus: signs, missing messages, limits and their source address."""
 
 import math
 
@@ -41,7 +41,7 @@ def sent(bus, t):
 
 
 def ready(t=0.0):
-    """A bus whose address is its own."""
+    """Bus with a claimed address."""
     bus = make()
     bus.begin(t - WAIT)
     bus.outgoing(t - WAIT)
@@ -117,7 +117,7 @@ def test_a_claim_that_could_not_be_sent_is_claimed_again():
     assert Identifier.parse(identifier).pgn == CLAIMED_PGN
     assert sent(bus, 1.0 + 0.9 * WAIT) == []
     assert sent(bus, 1.0 + WAIT) == [(OURS, 0.0)]
-    # Of a limit the next one takes the place.
+    # An unsent limit is not repeated: the next one replaces it.
     bus.unsent(2.0, bus.outgoing(2.0))
     assert len(sent(bus, 2.01)) == 1
 
@@ -125,7 +125,7 @@ def test_a_claim_that_could_not_be_sent_is_claimed_again():
 def test_limit_holds_as_long_as_a_gate_holds_its_command():
     bus = ready()
     bus.command(0.0, [1500, 1500, 3500, 3500])
-    # Silent for 0.1 s and up to a watchdog period; then it goes on at 100 Hz.
+    # No torque for 0.1 s plus a watchdog period; then 100 Hz again.
     assert bus.limit(0.1 + WATCHDOG_PERIOD) == pytest.approx(0.5)
     assert bus.limit(REACTION_TIME - PERIOD) == 0.0
 
@@ -135,7 +135,7 @@ def test_limit_comes_every_10_ms_from_the_claimed_address():
     bus.begin(0.0)
     ((identifier, _),) = bus.outgoing(0.0)
     assert Identifier.parse(identifier).pgn == CLAIMED_PGN
-    # Not before the address is its own.
+    # Not before the address may be used.
     bus.command(0.2, [1500, 1500, 3500, 3500])
     assert sent(bus, 0.2) == []
     found = []
@@ -144,7 +144,7 @@ def test_limit_comes_every_10_ms_from_the_claimed_address():
         found += sent(bus, 0.01 * k)
     assert [source for source, _ in found] == [OURS] * 10
     assert [limit for _, limit in found] == pytest.approx([0.5] * 10)
-    # Asked for more often it is not sent more often.
+    # More calls do not give more frames.
     assert sent(bus, 0.341) == []
 
 
@@ -200,7 +200,7 @@ def test_lost_address_silences_the_limit():
     bus.take(0.01, Identifier(CLAIMED_PGN, OURS).bits, lower)
     assert not bus.claim.usable
     assert sent(bus, 0.02) == []
-    # The next one is claimed, and sent from once it is its own.
+    # The next address is claimed; limits start when it may be used.
     assert [source for source, _ in sent(bus, 0.03 + WAIT)] == [bus.claim.address]
     assert bus.claim.address != OURS
 

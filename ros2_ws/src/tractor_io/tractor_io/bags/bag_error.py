@@ -1,5 +1,5 @@
-"""The error of all that reads, writes, repairs or cuts bags."""
+"""Error of reading, writing, repairing and cutting bags."""
 
 
 class BagError(ValueError):
-    """A bag cannot be read or written; the text says which, where and why."""
+    """A bag cannot be read or written; the text names file, place and reason."""

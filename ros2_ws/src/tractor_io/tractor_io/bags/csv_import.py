@@ -1,7 +1,7 @@
 """Import of CSV files: columns of numbers with units become the suite's topics in SI units.
 
-A map, in YAML, says which column is which field of which message, and in what unit. The file is
-read row by row, so that its length does not matter; `config/import_t7165s.yaml` shows a map.
+A map in YAML assigns columns to fields of messages, with units. The file is read row by row, so
+memory does not grow with its length. `config/import_t7165s.yaml` is an example of a map.
 """
 
 import csv
@@ -29,7 +29,7 @@ from tractor_io.bags.plain_yaml import LONGEST_TEXT, PlainYamlError, load_plain_
 from tractor_io.bags.writer import BagWriter
 
 LONGEST_LINE = 64 * 1024
-"""Characters of a line, more are refused."""
+"""Limit of the length of a line, characters."""
 
 LAST_SECOND = 2**31 - 1
 """Largest time that a stamp can hold, s."""
@@ -54,7 +54,7 @@ UNITS: dict[str, tuple[str, float]] = {
 }  # fmt: skip
 """SI unit and factor to it, of every unit that a map can name."""
 
-# SI units that fields of messages have, where their name tells.
+# SI units of message fields, by their names.
 _UNITS_OF_FIELDS = (
     (r'^velocity$', 'rad/s'),
     (r'^effort$', 'N*m'),
@@ -64,7 +64,7 @@ _UNITS_OF_FIELDS = (
     (r'_speed$', 'm/s'),
 )
 _PART = re.compile(r'([a-zA-Z]\w*)(?:\[(\d{1,6})\])?')
-# In place of the number of a wheel.
+# Stands for the number of a wheel.
 _NO_WHEEL = -1
 _KEYS = ('delimiter', 'soil', 'source', 'time', 'topics', 'vehicle', 'wheel_names')
 _TOPIC_KEYS = ('fields', 'frame_id', 'skip_empty')
@@ -80,12 +80,12 @@ _PROGRESS_ROWS = 200
 
 
 class CsvImportError(ValueError):
-    """A file or a map that cannot be used; the text names file, line, column and value."""
+    """Error in a file or a map; the text names file, line, column and value."""
 
 
 @dataclass(frozen=True)
 class Imported:
-    """What was imported.
+    """Result of an import.
 
     Attributes
     ----------
@@ -107,7 +107,7 @@ class Imported:
 
 
 class _Cell(NamedTuple):
-    """A number of a row, and where in a message it goes."""
+    """A number of a row and its place in a message."""
 
     column: str
     factor: float
@@ -115,11 +115,11 @@ class _Cell(NamedTuple):
     parent: Any
     key: int | str
     kind: str
-    # Place of the column in a row; known once the head is.
+    # Index of the column in a row; set when the header has been read.
     place: int = -1
 
     def put(self, text: str) -> None:
-        """Convert and store; ValueError with the reason where that cannot be."""
+        """Convert and store; raises ValueError with the reason."""
         value: Any = text
         if self.kind != 'string':
             value = number(text) * self.factor
@@ -153,16 +153,16 @@ def number(text: str) -> float:
     Returns
     -------
     float
-        Finite, in the unit of its column.
+        Finite number in the unit of its column.
 
     Raises
     ------
     ValueError
-        With the reason, if it is empty, no number, or not finite.
+        If it is empty, no number, or not finite.
     """
     if not text.strip():
         raise ValueError('is empty')
-    # Python's own digits with underscores are not what a logger writes.
+    # Python also accepts underscores between digits; loggers do not write them.
     if '_' in text:
         raise ValueError('is not a number')
     try:
@@ -175,7 +175,7 @@ def number(text: str) -> float:
 
 
 class CsvMap:
-    """What the columns of a CSV file mean.
+    """Assignment of the columns of a CSV file to message fields.
 
     Parameters
     ----------
@@ -187,18 +187,18 @@ class CsvMap:
     path : Path
         As given.
     custom_data : dict of str to str
-        What the bag will say about itself: vehicle, soil, source.
+        Custom data for the bag: vehicle, soil, source.
     wheel_names : tuple of str
         The wheels, in the order of all lists.
     delimiter : str
-        What stands between two columns.
+        Character between two columns.
     topics : dict of str to str
-        Message types of the topics that are made, by name.
+        Message types of the topics, by name.
 
     Raises
     ------
     CsvImportError
-        Naming file and key that cannot be used.
+        If a key is missing, unknown or has a wrong value.
     """
 
     def __init__(self, path: Path | str) -> None:
@@ -224,7 +224,7 @@ class CsvMap:
         self._fields: dict[str, dict[str, Any]] = {}
         for name, entry in entries.items():
             self._read_topic(name, entry)
-        # Built once here, so that whatever is wrong with the map is said before a file is read.
+        # Built once here, so that errors of the map are raised before a file is read.
         for topic in self.topics:
             self.message(topic)
 
@@ -321,7 +321,7 @@ class CsvMap:
     # Messages
 
     def message(self, topic: str) -> tuple[Any, list[Any]]:
-        """Make a message of a topic with all that is constant.
+        """Message of a topic with its constant fields set.
 
         Parameters
         ----------
@@ -331,14 +331,14 @@ class CsvMap:
         Returns
         -------
         message : object
-            Of `typestore`'s class; to be filled again and again.
+            Message class of `typestore`; filled anew for every row.
         cells : list
-            What comes from the columns.
+            Fields that come from columns.
 
         Raises
         ------
         CsvImportError
-            Naming the field that the message does not have, or that does not fit.
+            If the message has no such field, or a value does not fit it.
         """
         message = self._blank(self.topics[topic])
         if hasattr(message, 'header'):
@@ -381,7 +381,7 @@ class CsvMap:
         return self._store.types[kind](**values)
 
     def _fill(self, message: Any, topic: str, path: Any, value: Any, cells: list[_Cell]) -> None:
-        """Put a constant where it belongs, or note which cells go there."""
+        """Set a field to its constant, or note the cells that fill it."""
         key = f'{topic}.fields.{_plain(path)}'
         if not isinstance(path, str):
             raise self._fault(key, 'a field must be a name')
@@ -410,7 +410,7 @@ class CsvMap:
         self, parent: Any, name: str, node: Any, kind: str, length: int, value: Any,
         key: str, path: str, cells: list[_Cell],
     ) -> None:  # fmt: skip
-        """A list: one value for all its elements, or one each."""
+        """Fill a list field: one value for all elements, or one for each."""
         of_wheels = bool(self.wheel_names) and node is not Nodetype.ARRAY
         count = length if node is Nodetype.ARRAY else len(self.wheel_names)
         each = value if isinstance(value, list) else [value] * count
@@ -458,7 +458,7 @@ class CsvMap:
         self, parent: Any, place: int | str, kind: str, value: Any, key: str, path: str,
         wheel: int, cells: list[_Cell],
     ) -> None:  # fmt: skip
-        """One value: a constant, or a column of the row."""
+        """Fill one place from a constant or a column."""
         if not isinstance(value, dict):
             self._constant(parent, place, kind, value, key)
             return
@@ -475,7 +475,7 @@ class CsvMap:
         cells.append(_Cell(column, factor, parent, place, kind))
 
     def _factor(self, entry: Mapping[str, Any], key: str, path: str, wheel: int) -> float:
-        """From the unit of a column to SI, to the turning of a wheel, and by a scale."""
+        """Factor from column to field: unit to SI, over rolling radius, times scale."""
         if 'unit' not in entry:
             raise self._fault(key, "names no unit; for a plain number give '1'")
         # YAML reads 1 as a number.
@@ -505,7 +505,7 @@ class CsvMap:
         return factor
 
     def _of_wheel(self, content: Any, key: str, wheel: int) -> float:
-        """A number for all wheels, or one each."""
+        """Number of a wheel, from one number for all wheels or a list."""
         if isinstance(content, list):
             if wheel == _NO_WHEEL:
                 raise self._fault(key, 'must be one number: the field has none for each wheel')
@@ -535,9 +535,9 @@ class CsvMap:
         Parameters
         ----------
         row : int
-            Its number, from 0.
+            Index of the row, from 0.
         cell : str
-            What its column of time holds; empty where there is a rate.
+            Text in its time column; empty if the map has a rate.
 
         Returns
         -------
@@ -547,7 +547,7 @@ class CsvMap:
         Raises
         ------
         ValueError
-            With the reason, where it is no time that a stamp can hold.
+            If it is no time or no stamp can hold it.
         """
         if self.time_column is None:
             seconds = self._start + row * self._period
@@ -557,7 +557,7 @@ class CsvMap:
                 told = Decimal(cell.strip())
             except InvalidOperation:
                 raise ValueError('is not a number') from None
-            # Checked first: a large exponent would become a number of that many digits.
+            # Checked first: Decimal would expand a large exponent to that many digits.
             if not abs(told) < Decimal(10) ** 20:
                 raise ValueError('is no time')
             seconds = self._start + told * self._second
@@ -576,17 +576,17 @@ _DTYPES = {'bool': np.bool_, 'byte': np.uint8, 'char': np.uint8}
 
 
 def find_map(name: str) -> Path:
-    """Find a map by its path, or by name where it is one of those shipped.
+    """Path of a map, from its path or the name of a shipped one.
 
     Parameters
     ----------
     name : str
-        Path of a YAML file, or ``import_t7165s``.
+        Path of a YAML file, or a name such as ``import_t7165s``.
 
     Returns
     -------
     Path
-        The file; that of the name, where there is none shipped.
+        The shipped file, or `name` as a path if there is none.
     """
     if Path(name).suffix or Path(name).name != name:
         return Path(name)
@@ -600,7 +600,7 @@ def import_csv(
     output: Path | str,
     progress: Callable[[float], None] | None = None,
 ) -> Imported:
-    """Turn a CSV file into a bag.
+    """Convert a CSV file to a bag.
 
     Parameters
     ----------
@@ -611,12 +611,12 @@ def import_csv(
     output : Path or str
         Folder of the new bag; must not exist. It appears once it is complete.
     progress : callable, optional
-        Called with the share that is read, 0 to 1.
+        Called with the share read so far, 0 to 1.
 
     Returns
     -------
     Imported
-        What was imported; times in ns.
+        Summary of the import; times in ns.
 
     Raises
     ------
@@ -691,7 +691,7 @@ def _write(rows: '_Rows', meaning: CsvMap, folder: Path) -> tuple[int, dict[str,
 
 
 class _Rows:
-    """Rows of a file, one at a time, each as wide as the head."""
+    """Rows of a file, one at a time, each with as many cells as the header."""
 
     def __init__(
         self, path: Path, file: TextIO, meaning: CsvMap,
@@ -710,7 +710,7 @@ class _Rows:
         self._head = [name.strip() for name in head]
 
     def _lines(self) -> Iterator[str]:
-        """Lines of the file; no more of it is held than the longest of them."""
+        """Lines of the file; only one line is held in memory."""
         while True:
             try:
                 line = self._file.readline(LONGEST_LINE + 1)
@@ -736,7 +736,7 @@ class _Rows:
             raise CsvImportError(f'{self.path}: line {self._line}: {error}') from error
 
     def place(self, column: str) -> int:
-        """Where a column is."""
+        """Index of a column."""
         count = self._head.count(column)
         if count != 1:
             hint = ', as the map says' if count else closest(column, map(_plain, self._head))
@@ -747,7 +747,7 @@ class _Rows:
         return self._head.index(column)
 
     def fault(self, column: str, value: str, reason: str) -> CsvImportError:
-        """What to raise about a cell of the newest row."""
+        """Error about a cell of the newest row."""
         return CsvImportError(
             f"{self.path}: line {self._line}, column '{_plain(column)}': "
             f"'{_plain(value)}' {reason}"
@@ -775,7 +775,7 @@ def _store(parent: Any, key: int | str, value: Any) -> None:
 
 
 def _plain(value: Any) -> str:
-    """A name or value from outside as an error shows it: short and printable."""
+    """Short, printable form of a name or value for an error message."""
     text = value if isinstance(value, str) else repr(value)
     text = ''.join(c if c.isprintable() else '\ufffd' for c in text[:60])
     return text if len(text) < 60 else text + '…'

@@ -1,7 +1,8 @@
-"""Limits of what a file of a bag may claim: sizes of records, whole numbers, unpacked chunks.
+"""Size limits for reading bags: records, whole numbers, unpacked chunks.
 
-A few bytes can claim 2^60, and a chunk of some kilobytes unpack to gigabytes. The libraries that
-read bags take both at their word; here they are held to what recorders really write.
+A damaged or malicious file can declare a record of 2^60 bytes, or have a small chunk that unpacks
+to gigabytes. The libraries that read bags do not check this. The limits are above what recorders
+write.
 """
 
 from types import SimpleNamespace
@@ -12,14 +13,14 @@ import zstandard
 from rosbags.rosbag2 import reader, storage_mcap
 
 LARGEST_RECORD = 64 * 1024 * 1024
-"""Bytes of a record, or of what a chunk unpacks to, above which a file is taken to be damaged."""
+"""Largest record and largest unpacked chunk, bytes; a file with more counts as damaged."""
 
 LARGEST_INTEGER = 2**63 - 1
 """Largest time, ns, and largest depth of a queue."""
 
 
 class BoundedFile:
-    """A file to read of which no more than a record is asked for at once.
+    """File for reading, with a limit on the size of one read.
 
     Parameters
     ----------
@@ -33,12 +34,12 @@ class BoundedFile:
         self.tell = file.tell
 
     def read(self, size: int = -1) -> bytes:
-        """Read some bytes.
+        """Read bytes.
 
         Parameters
         ----------
         size : int
-            Their number, at most `LARGEST_RECORD`; below 0: no more than that.
+            Number of bytes, at most `LARGEST_RECORD`; below 0: `LARGEST_RECORD`.
 
         Returns
         -------
@@ -48,7 +49,7 @@ class BoundedFile:
         Raises
         ------
         ValueError
-            If more are asked for.
+            If the size is above the limit.
         """
         if size > LARGEST_RECORD:
             raise ValueError(f'{size} bytes are claimed, more than {LARGEST_RECORD}')
@@ -61,7 +62,7 @@ def whole_number(value: Any) -> int:
     Parameters
     ----------
     value : object
-        What a file says it is; times in ns.
+        Value in the file; times in ns.
 
     Returns
     -------
@@ -71,7 +72,7 @@ def whole_number(value: Any) -> int:
     Raises
     ------
     ValueError
-        If it is no whole number of that range.
+        If it is no whole number in that range.
     """
     if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= LARGEST_INTEGER:
         raise ValueError(f'{str(value)[:60]!r} is no whole number of 0 to {LARGEST_INTEGER}')
@@ -79,26 +80,26 @@ def whole_number(value: Any) -> int:
 
 
 def unpack(data: bytes, compression: str, size: int) -> bytes:
-    """Unpack a chunk, no further than the size it is to have.
+    """Unpack a chunk, up to its declared size.
 
     Parameters
     ----------
     data : bytes
-        The chunk as it is in the file.
+        Chunk as stored in the file.
     compression : str
         ``zstd``, ``lz4`` or nothing.
     size : int
-        Bytes it is to have.
+        Declared size, bytes.
 
     Returns
     -------
     bytes
-        At most one more, which shows that it has too many.
+        At most one byte more than declared, which shows that the size is wrong.
 
     Raises
     ------
     ValueError
-        If the size is above `LARGEST_RECORD`, or the compression is not known.
+        If the size is above `LARGEST_RECORD`, or the compression is unknown.
     """
     if size > LARGEST_RECORD:
         raise ValueError(f'a chunk claims {size} bytes, more than {LARGEST_RECORD}')
@@ -118,7 +119,7 @@ def _unzstd(data: bytes, most: int) -> bytes:
 
 
 def _message(data: bytes) -> bytes:
-    """A message that was compressed by itself."""
+    """Unpack a message that is compressed on its own."""
     found = _unzstd(data, LARGEST_RECORD + 1)
     if len(found) > LARGEST_RECORD:
         raise ValueError(f'a message unpacks to more than {LARGEST_RECORD} bytes')
@@ -135,8 +136,8 @@ def _read_exact(bio: BinaryIO, size: int) -> bytes:
 
 
 def limit_rosbags() -> None:
-    """Make rosbags read and unpack by these limits; it has none of its own."""
-    # Its own one would take room for whatever is claimed.
+    """Replace the reading functions of rosbags, which have no limits, by these."""
+    # The original allocates the declared size.
     storage_mcap.read_exact = _read_exact
     storage_mcap.DECOMPRESSORS.update(
         zstd=lambda data, size: unpack(data, 'zstd', size),

@@ -24,7 +24,7 @@ class MessageDefinition(NamedTuple):
     encoding : str
         ``ros2msg`` or ``ros2idl``.
     text : str
-        Its definition, with those of the types in it.
+        Its definition, with the definitions of nested types.
     digest : str
         Hash of its description (RIHS01), empty where it is not known.
     """
@@ -48,7 +48,7 @@ def typestore(interfaces: Path | None = None) -> Typestore:
     Returns
     -------
     Typestore
-        Gives message classes (``.types``), serializes and deserializes.
+        Message classes (``.types``), serialization and deserialization.
 
     Raises
     ------
@@ -84,12 +84,12 @@ def known_definition(
     interfaces : Path, optional
         Folder of traction_interfaces, as for `typestore`.
     what : str
-        What has this type, for the error.
+        Name of the thing with this type, for the error.
 
     Returns
     -------
     MessageDefinition
-        Of the type.
+        Definition of the type.
 
     Raises
     ------

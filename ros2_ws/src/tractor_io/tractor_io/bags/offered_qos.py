@@ -44,7 +44,7 @@ def profile_of(qos: Qos) -> dict[str, Any]:
 
 
 def common_qos(profiles: Sequence[RosbagsQos]) -> Qos:
-    """Quality of service that all publishers of a topic offered.
+    """Quality of service that suits all publishers of a topic.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def common_qos(profiles: Sequence[RosbagsQos]) -> Qos:
     Returns
     -------
     Qos
-        Reliable and latched where all were; the longest queue.
+        Reliable and latched if all publishers were; the longest queue.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def common_qos(profiles: Sequence[RosbagsQos]) -> Qos:
 
 
 def to_channel(qos: Qos) -> dict[str, str]:
-    """Metadata of a channel in an MCAP file that tell its quality of service.
+    """Quality of service as metadata of a channel in an MCAP file.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def to_channel(qos: Qos) -> dict[str, str]:
 
 
 def from_channel(metadata: Mapping[str, str]) -> Qos:
-    """Quality of service that the metadata of a channel tell.
+    """Quality of service from the metadata of a channel.
 
     Parameters
     ----------

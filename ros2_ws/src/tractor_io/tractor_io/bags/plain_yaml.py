@@ -1,7 +1,7 @@
 """Small YAML texts: written without aliases, and read within limits.
 
-YAML can say much in little: aliases that repeat aliases grow without end, and nesting exhausts the
-stack of whoever walks it. Neither has a place in what this package reads.
+Nested aliases let a short YAML text expand without limit, and deep nesting exhausts the stack. The
+files of this package need neither, so both are rejected.
 """
 
 from typing import Any
@@ -9,17 +9,17 @@ from typing import Any
 import yaml
 
 LONGEST_TEXT = 4 * 1024 * 1024
-"""Characters of a text, more are refused."""
+"""Limit of the length of a text, characters."""
 
 LONGEST_SCALAR = 3000
-"""Characters of an unquoted value: longer numbers cannot be written out again."""
+"""Limit of an unquoted value, characters: Python cannot print longer integers."""
 
 DEEPEST = 32
-"""Levels of lists and mappings in one another, more are refused."""
+"""Limit of the nesting of lists and mappings, levels."""
 
 
 class PlainYamlError(ValueError):
-    """A text that is no YAML, or has more than its place in a file of ours."""
+    """A text is no YAML, or exceeds a limit."""
 
 
 def load_plain_yaml(text: str) -> Any:
@@ -83,7 +83,7 @@ def dump_plain_yaml(content: Any, inline_lists: bool = False) -> str:
 
 
 def _check_limits(text: str, loader: Any) -> None:
-    """Walk the text event by event, which takes no memory, before anything is built."""
+    """Check the parser's events one by one, before objects are built."""
     depth = 0
     for event in yaml.parse(text, loader):
         line = f'line {event.start_mark.line + 1}' if event.start_mark else 'somewhere'
@@ -95,7 +95,7 @@ def _check_limits(text: str, loader: Any) -> None:
             depth -= 1
         elif isinstance(event, yaml.AliasEvent):
             raise PlainYamlError(f'{line}: aliases (*{event.anchor}) are not understood')
-        # The parsers say in different ways that a value is not quoted.
+        # The C and Python parsers mark unquoted values in different ways.
         elif (
             isinstance(event, yaml.ScalarEvent)
             and event.style in (None, '')

@@ -20,13 +20,13 @@ COMMANDS = (
     *(f'/{name}' for name, topic in topics().items() if topic.qos == 'command'),
     '/emergency_stop',
 )
-"""Topics that would drive or release a vehicle when replayed, in whatever namespace."""
+"""Topics that would move a vehicle, or end its emergency stop, in any namespace."""
 
 ABSOLUTE = ('/clock', '/diagnostics')
 """Topics that have no namespace."""
 
 DEPTH = 1000
-"""Messages kept per topic for subscribers that lag, so that fast replay loses none."""
+"""Queue per topic, messages: slow subscribers lose none in a fast replay."""
 
 CLOCK_STEP = 10_000_000
 """Bag time between two messages on /clock, ns."""
@@ -35,14 +35,14 @@ DELIVERY_TIME = 2.0
 """Longest wait at the end for subscribers to get the last messages, s."""
 
 POLL_TIME = 0.01
-"""Time between two looks for subscribers, s."""
+"""Period of the search for subscribers, s."""
 
 LAG = 0.1
-"""Being later than this is reported, s."""
+"""Delay above which a warning is given, s."""
 
 
 class BagPlayerBehaviour(Behaviour):
-    """Plays a bag, and ends with it."""
+    """Publication of the messages of a bag; the node ends at the end of the bag."""
 
     NAME = 'bag_player'
     PARAMETERS = (
@@ -55,7 +55,7 @@ class BagPlayerBehaviour(Behaviour):
         NodeParameter(
             'rate',
             default=1.0,
-            description='bag time per real time',
+            description='speed of replay: bag time over real time',
             minimum=0.01,
             maximum=1000.0,
             read_only=True,
@@ -100,12 +100,12 @@ class BagPlayerBehaviour(Behaviour):
     )
 
     def check_parameters(self, p):
-        """Refuse to go on without a bag."""
+        """Require a bag."""
         if not p.bag:
             raise ValueError('parameter "bag" must name a bag')
 
     def configure(self):
-        """Open the bag, and make its topics."""
+        """Open the bag and create the publishers."""
         p = self.host.p
         self._bag = BagReader(p.bag)
         if p.start_offset > self._bag.duration:
@@ -137,7 +137,7 @@ class BagPlayerBehaviour(Behaviour):
             self._clock_publisher = self.host.node.create_publisher(Clock, '/clock', 10)
 
     def activate(self):
-        """Begin to play."""
+        """Start to play."""
         self.host.steady_timer(1.0, self._tell)
         self._thread = threading.Thread(target=self._play, name='player')
         self._thread.start()
@@ -157,8 +157,7 @@ class BagPlayerBehaviour(Behaviour):
                 f'{self.host.p.bag}: {name} has type {topic.type}, which is not installed; '
                 'choose others with the parameter "topics"'
             ) from None
-        # Reliable suits every subscriber, whatever the topic was recorded with, and is what
-        # keeps a fast replay whole.
+        # Reliable publishers match every subscriber and lose no messages in a fast replay.
         qos = QoSProfile(depth=max(DEPTH, topic.qos.depth), reliability=ReliabilityPolicy.RELIABLE)
         if topic.qos.latched:
             qos.durability = DurabilityPolicy.TRANSIENT_LOCAL
@@ -187,7 +186,7 @@ class BagPlayerBehaviour(Behaviour):
     def _play_once(self):
         """Play the bag from start to end; False when told to stop."""
         first = self._bag.start + round(self.host.p.start_offset * 1e9)
-        # Every message is due relative to this one reading of the clock, so nothing drifts.
+        # All due times are relative to this one reading of the clock, so they do not drift.
         origin = self.host.steady_time()
         per_bag_time = 1e-9 / self.host.p.rate
         tick = first
@@ -205,7 +204,7 @@ class BagPlayerBehaviour(Behaviour):
             self._outputs[message.topic].publish(message.message)
             self._played += 1
             self._position = (message.time - self._bag.start) * 1e-9
-        # Topics that end early do not begin anew early.
+        # Wait for the end of the bag, also if the played topics end earlier.
         return self._wait_until(origin + (self._bag.end - first) * per_bag_time)
 
     def _wait_until(self, due):

@@ -21,7 +21,7 @@ from tractor_io.bags.offered_qos import common_qos
 from tractor_io.bags.plain_yaml import LONGEST_TEXT, load_plain_yaml
 
 MAX_HELD = 512 * 1024 * 1024
-"""Bytes of chunks whose times overlap, all of which have to be held at once to sort them."""
+"""Limit of the chunks whose times overlap, bytes: sorting holds all of them in memory."""
 
 MCAP_MAGIC = b'\x89MCAP0\r\n'
 
@@ -39,7 +39,7 @@ class BagTopic:
     count : int
         Number of messages.
     qos : Qos
-        Quality of service it was published with.
+        Quality of service of its publishers.
     """
 
     type: str
@@ -69,7 +69,7 @@ class BagMessage(NamedTuple):
 
 
 class BagReader:
-    """Reads a rosbag2 bag, MCAP or sqlite3, as a context manager.
+    """Reader of a rosbag2 bag, MCAP or sqlite3; a context manager.
 
     Parameters
     ----------
@@ -87,12 +87,12 @@ class BagReader:
     start, end : int
         Log times of the first and last message, ns; both 0 for an empty bag.
     custom_data : dict of str to str
-        What its writer says about it.
+        Custom data of the bag.
 
     Raises
     ------
     BagError
-        Where the path does not exist, is no bag, or is cut short.
+        If the path does not exist, is no bag, or is cut short.
     """
 
     def __init__(self, path: Path | str, interfaces: Path | None = None):
@@ -133,7 +133,7 @@ class BagReader:
         self.custom_data = self._custom_data()
 
     def _check_metadata(self) -> None:
-        """Read metadata.yaml within limits, before rosbags does without."""
+        """Check metadata.yaml against the limits before rosbags reads it."""
         with (self.path / 'metadata.yaml').open(encoding='utf-8') as file:
             load_plain_yaml(file.read(LONGEST_TEXT + 1))
 
@@ -166,11 +166,11 @@ class BagReader:
         Parameters
         ----------
         topics : sequence of str
-            Topics wanted, all when empty; the leading slash may be left out.
+            Topics to read, all if empty; the leading slash may be left out.
         start_offset : float
-            Skip what lies less than this after the start of the bag, s, at least 0.
+            Time to skip at the start of the bag, s, at least 0.
         raw : bool
-            Give CDR bytes instead of messages.
+            Yield CDR bytes instead of messages.
 
         Yields
         ------
@@ -179,12 +179,12 @@ class BagReader:
         Raises
         ------
         BagError
-            When a wanted topic is not in the bag, or the bag is damaged.
+            If a topic is not in the bag, or the bag is damaged.
         """
         connections = self._connections(topics)
         start = self.start + round(start_offset * 1e9) if start_offset > 0 else None
         decode = None if raw else self._attempt(self._typestore).deserialize_cdr
-        # An empty list would mean every connection to rosbags.
+        # For rosbags an empty list means all connections.
         if not connections:
             return
         try:
@@ -197,7 +197,7 @@ class BagReader:
             raise self._damage(error) from error
 
     def definition(self, topic: str) -> MessageDefinition:
-        """What the bag says about the type of a topic.
+        """Definition of the type of a topic.
 
         Parameters
         ----------
@@ -207,12 +207,12 @@ class BagReader:
         Returns
         -------
         MessageDefinition
-            That of the bag, or where it has none, as in sqlite3, that of the suite.
+            From the bag, or, if the bag has none (sqlite3), from the suite.
 
         Raises
         ------
         BagError
-            If the topic is not in the bag, or its type not known to either.
+            If the topic is not in the bag, or its type is unknown to both.
         """
         self.find([topic])
         connection = next(each for each in self._reader.connections if each.topic == topic)
@@ -230,7 +230,7 @@ class BagReader:
         return known_definition(connection.msgtype, self._interfaces, f'{self.path}: {topic}')
 
     def find(self, topics: Iterable[str]) -> set[str]:
-        """Look up topics.
+        """Names of topics as in the bag.
 
         Parameters
         ----------
@@ -245,7 +245,7 @@ class BagReader:
         Raises
         ------
         BagError
-            Naming those that are missing and those that are there.
+            If a topic is missing; the text lists the missing and the existing ones.
         """
         wanted = {f'/{topic.lstrip("/")}' for topic in topics}
         missing = sorted(wanted - set(self.topics))
@@ -263,7 +263,7 @@ class BagReader:
         ]
 
     def _typestore(self) -> Typestore:
-        """Types to decode with; those only the bag knows come from its own definitions."""
+        """Types for decoding: the suite's, and others from the definitions in the bag."""
         if self._store is None:
             self._store = typestore(self._interfaces)
             parse = {
@@ -276,7 +276,7 @@ class BagReader:
                 if connection.msgtype not in self._store.fielddefs and definition.format in parse:
                     own |= parse[definition.format](definition.data, connection.msgtype)
             if own:
-                # The cached store stays free of what one bag calls its types.
+                # A copy, so that types of one bag do not enter the cached store.
                 self._store = typestore.__wrapped__(self._interfaces)
                 known = self._store.fielddefs
                 self._store.register({k: v for k, v in own.items() if k not in known})
@@ -315,10 +315,10 @@ class BagReader:
             raise self._damage(error) from error
 
     def _damage(self, error: Exception) -> BagError:
-        """What to raise for damaged bytes.
+        """Error for damaged bytes.
 
-        They surface as whatever the parser trips over, from struct.error to
-        UnicodeDecodeError: at this boundary every failure means a damaged bag.
+        Damaged bytes raise many types of exception in the parsers, from struct.error to
+        UnicodeDecodeError. Every one of them means a damaged bag.
         """
         return BagError(f'{self.path}: damaged bag: {str(error) or repr(error)}')
 
@@ -343,7 +343,7 @@ def _texts(custom: Any) -> dict[str, str]:
 
 
 def _check_overlap(storage: Any) -> None:
-    """Refuse chunks that all have to be unpacked at once, as bags of recorders never are."""
+    """Reject bags with too many chunks of overlapping times; recorders do not write such bags."""
     for each in getattr(storage, 'storages', [storage]):
         edges = []
         for chunk in getattr(each, 'chunks', ()):

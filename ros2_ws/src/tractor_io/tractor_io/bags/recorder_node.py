@@ -26,26 +26,26 @@ from tractor_io.bags.writer import BagWriter
 ALL = 'all'
 
 DEPTH = 1000
-"""Messages kept per topic while the disk is slow."""
+"""Queue per topic while the disk is slow, messages."""
 
 FLUSH_PERIOD = 0.2
-"""Time after which messages are out of this process's hands, s."""
+"""Period of the transfer of messages to the operating system, s."""
 
 ASK_PERIOD = 1.0
-"""Time between two looks for nodes whose parameters are not in the bag yet, s."""
+"""Period of the search for nodes whose parameters are not in the bag yet, s."""
 
 ASK_EVERY = 5
-"""Looks from one request to the next, as a node that starts may be busy for seconds."""
+"""Searches between two requests to a node, which may be busy for seconds at its start."""
 
 MAX_LOOKS = 60
-"""Looks after which a node that does not tell its parameters is left alone."""
+"""Searches after which a node without response is left out."""
 
 MAX_CHANGES = 100
-"""Changes of a node's parameters that are kept, the newest ones."""
+"""Number of the newest parameter changes of a node that are kept."""
 
 
 class BagRecorderBehaviour(Behaviour):
-    """Records until it is told to end."""
+    """Recording of topics until the node is shut down."""
 
     NAME = 'bag_recorder'
     PARAMETERS = (
@@ -58,13 +58,13 @@ class BagRecorderBehaviour(Behaviour):
         NodeParameter(
             'topics',
             default=[ALL],
-            description=f"topics to record, or '{ALL}' those of the suite",
+            description=f"topics to record; '{ALL}': all topics of the suite",
             read_only=True,
         ),
     )
 
     def check_parameters(self, p):
-        """Refuse to go on without an output or with topics that the suite does not have."""
+        """Require an output, and topics of the suite."""
         if not p.output:
             raise ValueError('parameter "output" must name a folder')
         for name in p.topics:
@@ -75,14 +75,14 @@ class BagRecorderBehaviour(Behaviour):
                 )
 
     def activate(self):
-        """Make the bag and subscribe."""
+        """Create the bag and subscribe."""
         about = {'source': 'recorded by bag_recorder', **versions()}
         self._writer = BagWriter(self.host.p.output, about)
-        # By node: looks so far and at which to ask; and clients of those that have not answered.
+        # By node: count of searches and count at the next request; clients of open requests.
         self._looks = {}
         self._ask_at = {}
         self._asking = {}
-        # By node: what was changed while recording; and what is new to be said about the bag.
+        # By node: changes while recording; and custom data not yet written.
         self._changes = {}
         self._to_say = {}
         self._qos = {}
@@ -131,7 +131,7 @@ class BagRecorderBehaviour(Behaviour):
         self._subscriptions_by_name[name] = subscription
 
     def _relax(self, name, info):
-        """Ask for less after a publisher was found that offers less than is asked for."""
+        """Lower the requested quality of service to that of a publisher that offers less."""
         qos = self._qos[name]
         if info.last_policy_kind == QoSPolicyKind.RELIABILITY:
             qos.reliability = ReliabilityPolicy.BEST_EFFORT
@@ -156,7 +156,7 @@ class BagRecorderBehaviour(Behaviour):
         except BagError as error:
             self._give_up(error)
 
-    # Parameters of the others: asked for in passing, so that recording never waits for them.
+    # Parameters of other nodes: asynchronous requests, so that recording does not wait.
 
     def _ask_parameters(self):
         if self._writer is None:
@@ -168,7 +168,7 @@ class BagRecorderBehaviour(Behaviour):
             return
         for name, namespace in self.host.node.get_node_names_and_namespaces():
             node = f'{namespace.rstrip("/")}/{name}'
-            # Hidden nodes are those of tools.
+            # Hidden nodes belong to tools.
             if self._is_ours(node) and not name.startswith('_') and node not in self._looks:
                 self._looks[node] = self._ask_at[node] = 0
                 self._asking[node] = (
@@ -196,7 +196,7 @@ class BagRecorderBehaviour(Behaviour):
         )
 
     def _take_parameters(self, node, names, future):
-        # Who has a parameter without a value tells none at all.
+        # A node with a parameter without value sends an empty response.
         if (
             node not in self._asking
             or future.result() is None
@@ -205,7 +205,7 @@ class BagRecorderBehaviour(Behaviour):
             return
         found = map(parameter_value_to_python, future.result().values)
         values = {name: _plain(value) for name, value in zip(names, found, strict=True)}
-        # Its clients go with the next look: this is called by one of them.
+        # The next search destroys its clients; one of them is the caller of this function.
         self._looks[node] = MAX_LOOKS
         self._to_say[f'parameters {node}'] = dump_plain_yaml(values, inline_lists=True)
 
@@ -221,7 +221,7 @@ class BagRecorderBehaviour(Behaviour):
         self._to_say[f'changed {event.node}'] = dump_plain_yaml(changes, inline_lists=True)
 
     def _say(self):
-        """Write what is new about the bag; seldom, as all of it is repeated."""
+        """Write new custom data; seldom, because each record repeats all of it."""
         if self._to_say:
             self._writer.say(self._to_say)
             self._to_say = {}
@@ -268,7 +268,7 @@ class BagRecorderBehaviour(Behaviour):
 
 
 def _plain(value):
-    """Value of a parameter as YAML knows it."""
+    """Value of a parameter as plain YAML."""
     return value if value is None or isinstance(value, bool | int | float | str) else list(value)
 
 

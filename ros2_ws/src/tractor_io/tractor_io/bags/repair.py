@@ -1,8 +1,8 @@
 """Repair of bags whose writer was killed, and cuts of bags.
 
-A bag that was cut short lacks its index and its metadata, but every chunk that was finished is
-whole and carries a checksum. Repair reads the file record by record up to where it breaks off,
-and writes what it got into a new bag; the damaged one stays as it is.
+A bag that was cut short lacks its index and its metadata, but each finished chunk is complete and
+has a checksum. Repair reads the file record by record up to the damage and writes the messages to
+a new bag. The damaged bag is not changed.
 """
 
 import math
@@ -26,7 +26,7 @@ from tractor_io.bags.writer import CUSTOM_DATA, BagWriter
 
 @dataclass(frozen=True)
 class Repaired:
-    """What repair got back.
+    """Result of a repair.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class Repaired:
     start, end : int
         Log times of the first and last message, ns.
     reason : str
-        Why reading ended before the end of the file; empty where it did not.
+        Reason why reading stopped before the end of the file; empty if it did not.
     """
 
     path: Path
@@ -52,21 +52,21 @@ def repair_bag(
     output: Path | str | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Repaired:
-    """Write what can be read of a damaged MCAP bag into a new one.
+    """Copy the readable messages of a damaged MCAP bag to a new one.
 
     Parameters
     ----------
     path : Path or str
         Bag folder with one MCAP file, or that file.
     output : Path or str, optional
-        Folder of the new bag; must not exist. By default beside the old one, ``_repaired``.
+        Folder of the new bag; must not exist. Default: path of the old one plus ``_repaired``.
     progress : callable, optional
-        Called with the share that is read, 0 to 1.
+        Called with the share read so far, 0 to 1.
 
     Returns
     -------
     Repaired
-        What was got back, times in ns.
+        Summary; times in ns.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def repair_bag(
                 writer.add_topic(topic, *records.declared(topic))
             writer.write(topic, message.log_time, message.data)
             start, end = min(start, message.log_time), max(end, message.log_time)
-        # With what was said after the first message.
+        # Includes custom data written after the first message.
         writer.say(records.custom_data)
     return Repaired(target, dict(writer.counts), start, end, records.reason)
 
@@ -99,7 +99,7 @@ def cut_bag(
     end: float | None = None,
     topics: Sequence[str] = (),
 ) -> dict[str, int]:
-    """Write a part of a bag into a new one.
+    """Copy a part of a bag to a new one.
 
     Parameters
     ----------
@@ -108,9 +108,9 @@ def cut_bag(
     output : Path or str
         Folder of the new bag; must not exist.
     start, end : float
-        From and until when after its first message, s; None: to the end.
+        Range of time after its first message, s; `end` None: to the end of the bag.
     topics : sequence of str
-        Topics to take, all when empty; the leading slash may be left out.
+        Topics to copy, all if empty; the leading slash may be left out.
 
     Returns
     -------
@@ -120,8 +120,7 @@ def cut_bag(
     Raises
     ------
     BagError
-        If the bag cannot be read, a topic is missing, nothing lies in between, or the output
-        exists.
+        If the bag cannot be read, a topic is missing, the range is empty, or the output exists.
     """
     if not all(map(math.isfinite, (start, 0.0 if end is None else end))):
         raise BagError(f'{path}: start and end must be finite, got {start} s and {end} s')
@@ -156,7 +155,7 @@ def _mcap_of(path: Path) -> Path:
 
 
 class _Records:
-    """Messages of an MCAP file, up to where it breaks off; iterated once."""
+    """Messages of an MCAP file up to the damage; for one iteration."""
 
     def __init__(self, path: Path, progress: Callable[[float], None] | None) -> None:
         self.reason = ''
@@ -186,7 +185,7 @@ class _Records:
                 try:
                     record = next(records, None)
                 except Exception as error:
-                    # Whatever the parser trips over: the file is damaged there.
+                    # Any exception of the parser means damage at this place.
                     self.reason = f'damaged or cut short at byte {file.tell()}: {error!r}'
                     return
                 if record is None:
@@ -222,7 +221,7 @@ class _Records:
 
 
 def _unpacked(records: Iterator[McapRecord]) -> Iterator[McapRecord]:
-    """Records of a file, with those of its chunks in their place."""
+    """Records of a file, with each chunk replaced by its records."""
     for record in records:
         if isinstance(record, Chunk):
             record.data = unpack(record.data, record.compression, record.uncompressed_size)

@@ -1,4 +1,4 @@
-"""Versions of what makes a bag: the suite's packages, Python, ROS."""
+"""Versions of the software that writes a bag: the suite's packages, Python, ROS."""
 
 import os
 import platform
@@ -16,11 +16,11 @@ PACKAGES = (
     'tractor_io',
     'rclpy',
 )
-"""Packages whose versions are told: the suite's own, and the client library they run on."""
+"""Packages whose versions go into a bag: the suite's and the client library."""
 
 
 def versions() -> dict[str, str]:
-    """Look up versions.
+    """Versions of packages, Python and ROS.
 
     Returns
     -------

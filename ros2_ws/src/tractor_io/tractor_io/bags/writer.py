@@ -1,8 +1,7 @@
 """Writer of rosbag2 bags: a folder with one MCAP file and metadata.yaml.
 
-`mcap` writes the file: its chunks have a size of choice, carry a checksum, and can be finished at
-any time. What rosbag2 wants around it (metadata.yaml, message definitions, quality of service) is
-added here.
+`mcap` writes the file in chunks with checksums; a chunk can be finished at any time. This module
+adds what rosbag2 needs: metadata.yaml, message definitions and quality of service.
 """
 
 from collections.abc import Mapping
@@ -20,27 +19,27 @@ from tractor_io.bags.offered_qos import profile_of, to_channel
 from tractor_io.bags.plain_yaml import dump_plain_yaml
 
 METADATA_VERSION = 9
-"""Version of metadata.yaml, that of ROS 2 Jazzy."""
+"""Version of metadata.yaml, as in ROS 2 Jazzy."""
 
 CHUNK_SIZE = 256 * 1024
 """Bytes, uncompressed, of one chunk of a written bag."""
 
 CUSTOM_DATA = 'traction_custom_data'
-"""Name of the metadata records of a bag that keep what is said about it; the last one counts."""
+"""Name of the metadata records with the custom data of a bag; the last one is valid."""
 
 
 class BagWriter:
-    """Writes a bag: a folder with one MCAP file and metadata.yaml, as a context manager.
+    """Writer of a bag: a folder with one MCAP file and metadata.yaml; a context manager.
 
-    The same calls give the same bytes. Left by an exception, or never closed, the bag stays
-    without index and metadata.yaml; what was flushed is in it, see `tractor_io.bags.repair`.
+    The same calls write the same bytes. After an exception, or without `close`, the bag has no
+    index and no metadata.yaml. It then holds all flushed messages; see `tractor_io.bags.repair`.
 
     Parameters
     ----------
     path : Path or str
         Folder to make; must not exist.
     custom_data : mapping of str to str
-        What to say about the bag, such as vehicle, soil, source.
+        Description of the bag, such as vehicle, soil, source.
     interfaces : Path, optional
         Folder of traction_interfaces, as for `typestore`.
 
@@ -54,7 +53,7 @@ class BagWriter:
     Raises
     ------
     BagError
-        Where the path exists or cannot be written.
+        If the path exists or cannot be written.
     """
 
     def __init__(
@@ -84,7 +83,7 @@ class BagWriter:
         self._writer = McapWriter(self._file, chunk_size=CHUNK_SIZE)
         self._writer.start(profile='ros2', library='tractor_io')
         if self._custom_data:
-            # At the end it is said once more, where rosbag2 looks for it.
+            # `close` writes it again to metadata.yaml, where rosbag2 reads it.
             self._writer.add_metadata(CUSTOM_DATA, self._custom_data)
 
     def __enter__(self) -> Self:
@@ -102,20 +101,20 @@ class BagWriter:
             self.abort()
 
     def say(self, custom_data: Mapping[str, str]) -> None:
-        """Add to what is said about the bag.
+        """Add to the custom data.
 
         Parameters
         ----------
         custom_data : mapping of str to str
-            What is new or has changed.
+            New and changed entries.
 
         Raises
         ------
         BagError
-            When writing fails, such as on a full disk.
+            If writing fails, for example on a full disk.
         """
         self._custom_data |= custom_data
-        # Metadata stand between chunks.
+        # Metadata records stand between chunks.
         self.flush()
         try:
             self._writer.add_metadata(CUSTOM_DATA, self._custom_data)
@@ -132,15 +131,15 @@ class BagWriter:
         topic : str
             Name, with its leading slash.
         message_type : str or MessageDefinition
-            Such as ``sensor_msgs/msg/JointState``; of a type that the suite does not know, what
-            another bag says about it.
+            Such as ``sensor_msgs/msg/JointState``; for a type unknown to the suite, its
+            definition from another bag.
         qos : Qos, optional
-            Quality of service the topic is published with; reliable when left out.
+            Quality of service of the publisher; default: reliable.
 
         Raises
         ------
         BagError
-            For an unknown message type or a topic declared twice.
+            If the message type is unknown or the topic is declared twice.
         """
         if isinstance(message_type, str):
             message_type = known_definition(
@@ -180,8 +179,8 @@ class BagWriter:
         Raises
         ------
         BagError
-            For an undeclared topic, a message that does not fit its type, or when writing
-            fails, such as on a full disk.
+            If the topic is not declared, the message does not fit its type, or writing fails,
+            for example on a full disk.
         """
         if topic not in self._channels:
             raise BagError(f'{self.path}: topic {topic} was not declared')
@@ -204,14 +203,14 @@ class BagWriter:
         self._last = max(self._last, time)
 
     def flush(self) -> None:
-        """Hand all that was written to the operating system, as a finished chunk.
+        """Finish the chunk and pass it to the operating system.
 
-        A process that is killed afterwards loses nothing of it.
+        The messages written so far then survive a kill of the process.
 
         Raises
         ------
         BagError
-            When writing fails, such as on a full disk.
+            If writing fails, for example on a full disk.
         """
         try:
             self._writer.flush()
@@ -224,7 +223,7 @@ class BagWriter:
         Raises
         ------
         BagError
-            When writing fails, such as on a full disk.
+            If writing fails, for example on a full disk.
         """
         if self._file.closed:
             return
@@ -242,7 +241,7 @@ class BagWriter:
             raise self._failure(error) from error
 
     def abort(self) -> None:
-        """Let go of the file as it is, without index and metadata.yaml."""
+        """Close the file without index and metadata.yaml."""
         with suppress(OSError):  # closing flushes: on a full disk it fails once more
             self._file.close()
 
@@ -261,7 +260,7 @@ class BagWriter:
                 {'topic_metadata': topic, 'message_count': self.counts[name]}
                 for name, topic in self._topics.items()
             ],
-            # Chunks are compressed inside the MCAP file, which rosbag2 does not count.
+            # rosbag2 means compression of the whole file, not of chunks inside.
             'compression_format': '',
             'compression_mode': '',
             'relative_file_paths': [self._file_name],

@@ -1,8 +1,9 @@
 """Claim of an address on the bus (SAE J1939-81, ISO 11783-5).
 
-Whoever sends on the bus has an address, and a NAME of 64 bits that no one else has. It claims the
-address it would like, and may use it when no one has objected for 250 ms. Of two with the same
-address the lower NAME keeps it; the other takes the next free one, if it may, or falls silent.
+Every device that sends has an address and a unique NAME of 64 bits. It claims its preferred
+address and may use it if no other device objects within 250 ms. If two devices claim the same
+address, the one with the lower NAME keeps it. The other takes the next free address, if its NAME
+allows that, or stops sending.
 """
 
 import math
@@ -12,19 +13,19 @@ from enum import Enum
 from tractor_io.can.j1939 import GLOBAL, NULL, Identifier, check_address
 
 CLAIMED_PGN = 0xEE00
-"""Parameter group of a claim, or, from the null address, of having none."""
+"""Parameter group of an address claim; from the null address: "cannot claim an address"."""
 
 REQUEST_PGN = 0xEA00
-"""Parameter group that asks for another one."""
+"""Parameter group that requests another one."""
 
 WAIT = 0.25
-"""Time without objection after which an address is one's own, s."""
+"""Time without objection after which a claimed address may be used, s."""
 
 LONGEST_DELAY = 0.153
-"""Most of the random delay before telling that there is none, s."""
+"""Upper limit of the random delay before "cannot claim an address" is sent, s."""
 
 ARBITRARY = range(128, 248)
-"""Addresses that may be taken by who can use any."""
+"""Addresses open to devices whose NAME allows any address."""
 
 _PRIORITY = 6
 _ARBITRARY_BIT = 1 << 63
@@ -44,7 +45,7 @@ def name_of(
     ecu_instance: int = 0,
     arbitrary: bool = True,
 ) -> int:
-    """Put a NAME together.
+    """NAME of a device, from its parts.
 
     Parameters
     ----------
@@ -53,7 +54,7 @@ def name_of(
     manufacturer : int
         Code of the manufacturer, 11 bits.
     function : int
-        What the device does, 8 bits.
+        Function of the device, 8 bits.
     industry_group : int
         3 bits; 2 is agriculture and forestry.
     device_class, device_class_instance : int
@@ -61,7 +62,7 @@ def name_of(
     function_instance, ecu_instance : int
         5 and 3 bits.
     arbitrary : bool
-        Whether it can use any address of `ARBITRARY`.
+        Device can use any address of `ARBITRARY`.
 
     Returns
     -------
@@ -71,7 +72,7 @@ def name_of(
     Raises
     ------
     ValueError
-        Naming the part that does not fit into its bits.
+        If a part does not fit into its bits.
     """
     whole = _ARBITRARY_BIT if arbitrary else 0
     for text, value, start, length in (
@@ -91,7 +92,7 @@ def name_of(
 
 
 class Claim(Enum):
-    """How far a claim is."""
+    """Progress of a claim."""
 
     NONE = 'not claimed yet'
     WAITING = 'claimed'
@@ -100,7 +101,7 @@ class Claim(Enum):
 
 
 class AddressClaim:
-    """Claims an address, and keeps it.
+    """Address of this device on the bus: claim and defence.
 
     Parameters
     ----------
@@ -109,19 +110,19 @@ class AddressClaim:
     preferred : int
         Address to claim first, 0 to 253.
     seed : int
-        Of the random delays; whatever tells this device from others.
+        Seed of the random delays; different for every device.
 
     Attributes
     ----------
     state : Claim
-        How far it is.
+        Progress of the claim.
     address : int
-        Address that is claimed or one's own, `NULL` without.
+        Address that is claimed or in use; `NULL` if there is none.
 
     Raises
     ------
     ValueError
-        If the preferred address is none.
+        If no device can have the preferred address.
     """
 
     def __init__(self, name: int, preferred: int, seed: int = 0) -> None:
@@ -131,13 +132,13 @@ class AddressClaim:
         self.address = NULL
         self._preferred = preferred
         self._random = random.Random(seed)
-        # Addresses of others, and when what waits is due, s.
+        # Addresses of other devices, and the time at which a delayed frame is due, s.
         self._taken: set[int] = set()
         self._due = 0.0
 
     @property
     def usable(self) -> bool:
-        """Whether frames may be sent from `address`."""
+        """True if frames may be sent from `address`."""
         return self.state is Claim.OWN
 
     def start(self, t: float) -> list[Frame]:
@@ -157,7 +158,7 @@ class AddressClaim:
         return self._claim(t, self._preferred)
 
     def poll(self, t: float) -> list[Frame]:
-        """Do what has become due.
+        """End the claim, or send a delayed frame, when its time has come.
 
         Parameters
         ----------
@@ -173,11 +174,11 @@ class AddressClaim:
             self.state = Claim.OWN
         elif self.state is Claim.LOST and t >= self._due:
             self._due = math.inf
-            return [self._told(NULL)]
+            return [self._claim_frame(NULL)]
         return []
 
     def receive(self, t: float, identifier: Identifier, data: bytes) -> list[Frame]:
-        """Take in a frame of the bus.
+        """Process a frame of the bus.
 
         Parameters
         ----------
@@ -186,7 +187,7 @@ class AddressClaim:
         identifier : Identifier
             Its identifier.
         data : bytes
-            Its bytes; those that are no claim or request are not for us.
+            Its bytes. Frames other than claims and requests are ignored.
 
         Returns
         -------
@@ -201,7 +202,7 @@ class AddressClaim:
             if self.state is Claim.LOST:
                 self._due = t + self._random.uniform(0.0, LONGEST_DELAY)
                 return []
-            return [self._told(self.address)]
+            return [self._claim_frame(self.address)]
         if identifier.pgn != CLAIMED_PGN or len(data) != 8 or identifier.source == NULL:
             return []
         other = int.from_bytes(data, 'little')
@@ -211,7 +212,7 @@ class AddressClaim:
             self._taken.add(identifier.source)
             return []
         if self.name < other:
-            return [self._told(self.address)]
+            return [self._claim_frame(self.address)]
         self._taken.add(self.address)
         free = [each for each in ARBITRARY if each not in self._taken]
         if self.name & _ARBITRARY_BIT and free:
@@ -222,8 +223,8 @@ class AddressClaim:
 
     def _claim(self, t: float, address: int) -> list[Frame]:
         self.state, self.address, self._due = Claim.WAITING, address, t + WAIT
-        return [self._told(address)]
+        return [self._claim_frame(address)]
 
-    def _told(self, source: int) -> Frame:
-        """A claim, or from the null address that there is none."""
+    def _claim_frame(self, source: int) -> Frame:
+        """Frame of a claim, or, from the null address, of "cannot claim an address"."""
         return Identifier(CLAIMED_PGN, source, GLOBAL, _PRIORITY), self.name.to_bytes(8, 'little')

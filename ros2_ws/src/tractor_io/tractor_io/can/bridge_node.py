@@ -1,4 +1,4 @@
-"""Node `can_bridge`: bus to `wheel_states` and `radar`, `wheel_torque` to the engine's limit."""
+"""Node `can_bridge`: `wheel_states` and `radar` from the bus, `wheel_torque` to a torque limit."""
 
 from traction_interfaces.msg import CanFrame, CanFrames
 from traction_node.behaviour import Behaviour
@@ -19,12 +19,12 @@ FRAMES_PERIOD = 0.02
 """Time between two messages of raw frames, s: with `MAX_RAW_FRAMES` each, 5000 frames a second,
 more than a bus of 500 kbit/s can carry."""
 
-# Manufacturer code for those without one of their own, and the function of a NAME.
+# Manufacturer code for devices without an own code, and the function in the NAME.
 _MANUFACTURER, _FUNCTION = 2046, 130
 
 
 class CanBridgeBehaviour(Behaviour):
-    """Bridge to a tractor's bus; see `tractor_io.can.vehicle_bus` for what it hears and sends."""
+    """Bridge to a tractor's bus; messages: see `tractor_io.can.vehicle_bus`."""
 
     NAME = 'can_bridge'
     LIFECYCLE = True
@@ -86,13 +86,13 @@ class CanBridgeBehaviour(Behaviour):
         NodeParameter(
             'sources',
             default=['any'],
-            description='who is heard, as MESSAGE=ADDRESS; any: whoever is first',
+            description='senders to accept, as MESSAGE=ADDRESS; any: first sender of each message',
             read_only=True,
         ),
         NodeParameter(
             'missed',
             default=5.0,
-            description='periods without a frame after which a message is silent',
+            description='periods without a frame after which a message counts as missing',
             minimum=1.1,
             maximum=100.0,
             read_only=True,
@@ -101,8 +101,8 @@ class CanBridgeBehaviour(Behaviour):
             'timeout',
             default=0.14,
             description=(
-                'time after the last wheel_torque from which on the engine is limited to '
-                'none: longer than the gate is silent before it releases'
+                'time after the last wheel_torque until the engine is limited to zero torque; '
+                'longer than the pause of the gate before it releases'
             ),
             unit='s',
             minimum=0.01,
@@ -122,23 +122,23 @@ class CanBridgeBehaviour(Behaviour):
     _link = None
 
     def check_parameters(self, p):
-        """Refuse what does not fit together."""
+        """Reject values that contradict each other."""
         try:
             find_interface(p.interface)
         except ValueError as error:
             raise ValueError(f'parameter "interface": {error}') from None
         if p.log and p.log == p.channel:
-            raise ValueError(f'parameter "log": {p.log} is the log that is heard')
+            raise ValueError(f'parameter "log": {p.log} is the log that is read')
         _make_bus(p)
 
     def parameters_changed(self, p, names):
-        """Follow the engagement of the front axle."""
+        """Apply the engagement of the front axle."""
         if self._link is not None:
             with self._link.locked() as bus:
                 bus.front_engaged = p.front_engaged
 
     def configure(self):
-        """Make the topics."""
+        """Create publishers and subscriptions."""
         host = self.host
         self._torques = JointOrder(host.p.wheel_names, 'wheel_torque effort', only=True)
         self._wheels = host.message('wheel_states')
@@ -152,10 +152,10 @@ class CanBridgeBehaviour(Behaviour):
         host.subscription('wheel_torque', self._on_torque)
 
     def activate(self):
-        """Open the bus, listen, claim an address, and limit the engine from then on."""
+        """Open the bus, claim an address and start to send the limit."""
         p = self.host.p
-        self._told = None
-        self._told_at = 0.0
+        self._reported = None
+        self._reported_at = 0.0
         self._bus = _make_bus(p)
         self._link = BusLink(
             self._bus, self._on_group, self.host.now,
@@ -165,11 +165,11 @@ class CanBridgeBehaviour(Behaviour):
         self.host.steady_timer(FRAMES_PERIOD, self._publish_frames)
 
     def deactivate(self):
-        """Give the engine back to its driver, and let go of the bus."""
+        """Release the engine and close the bus."""
         self._link.close()
         self._link = None
 
-    # From the thread that listens
+    # Called in the receiving thread
 
     def _on_group(self, group, now):
         if group.name == 'HRW':
@@ -197,7 +197,7 @@ class CanBridgeBehaviour(Behaviour):
         self._radar.twist.twist.linear.x = speed
         self._radar_publisher.publish(self._radar)
 
-    # From the executor
+    # Called in the executor
 
     def _on_torque(self, message):
         if not self.host.active or self._link is None:
@@ -211,7 +211,7 @@ class CanBridgeBehaviour(Behaviour):
 
     def _work(self):
         self._link.send_due()
-        self._tell()
+        self._update_diagnostic()
 
     def _publish_frames(self):
         raw, missed = self._link.take_raw()
@@ -219,12 +219,12 @@ class CanBridgeBehaviour(Behaviour):
             frames = [_raw_frame(time, message) for time, message in raw]
             self._frames_publisher.publish(CanFrames(frames=frames, missed=missed))
 
-    def _tell(self):
+    def _update_diagnostic(self):
         now = self.host.steady_time()
         report = self._link.report()
-        if report == self._told and now - self._told_at < TELL_PERIOD:
+        if report == self._reported and now - self._reported_at < TELL_PERIOD:
             return
-        self._told, self._told_at = report, now
+        self._reported, self._reported_at = report, now
         with self._link.locked() as bus:
             status = {
                 name: value.value if isinstance(value, Unknown) else round(value, 4)

@@ -1,7 +1,7 @@
-"""Link to an open CAN bus: a thread listens, frames that are due are sent, all of them are kept.
+"""Link to an open CAN bus: a receiving thread, frames sent when due, a record of all frames.
 
-A bus that is flooded must not stop the limit of the engine. So the thread takes no more than
-`MAX_FRAMES` in a period of the limit, and leaves what is more to the driver's own queue.
+A flooded bus must not delay the torque limit. So the thread takes at most `MAX_FRAMES` frames in
+one period of the limit; the others stay in the queue of the driver.
 """
 
 import collections
@@ -24,22 +24,22 @@ TELL_PERIOD = 1.0
 """Time between two regular reports, s."""
 
 LISTEN_PERIOD = 0.1
-"""Longest wait for a frame before looking whether to end, s."""
+"""Longest wait for a frame before the thread checks for its end, s."""
 
 FULL_BUS = 0.9 * 250_000 / 128
-"""Frames of eight bytes from which on a bus of 250 kbit/s counts as full, 1/s."""
+"""Rate of 8-byte frames above which a bus of 250 kbit/s counts as full, 1/s."""
 
 RETRY_PERIOD = 0.5
-"""Wait after the bus has failed twice in a row, s."""
+"""Pause after two failures in a row, s."""
 
 MAX_RAW_FRAMES = 100
-"""Raw frames kept until they are taken; more are counted as missed."""
+"""Raw frames kept for `take_raw`; further ones are counted as missed."""
 
 MAX_FRAMES = 100
-"""Frames taken within a period of the limit: more is a flood, and waits for the next one."""
+"""Frames taken in one period of the limit; more is a flood and waits for the next period."""
 
 MAX_ECHOES = 16
-"""Frames sent last that may come back from a bus over UDP."""
+"""Number of sent frames remembered, to drop their echo on a bus over UDP."""
 
 
 class Report(NamedTuple):
@@ -58,17 +58,17 @@ class Report(NamedTuple):
 
 
 class BusLink:
-    """Opens a bus, hears and sends on it until it is closed.
+    """Open bus with a receiving thread; sends on it until it is closed.
 
     Parameters
     ----------
     bus : VehicleBus
-        What is heard and sent.
+        Decodes received frames and makes the frames to send.
     heard : callable
-        Called with each message of ours and its steady time, s, from the thread that listens;
-        `bus` may be read in it.
+        Called in the receiving thread with each known message and its steady time, s; may read
+        `bus`.
     wall_time : callable
-        Gives the time of raw frames, ns.
+        Returns the time for raw frames, ns.
     interface, channel, port
         As `tractor_io.can.interface.open_bus` takes them.
     log : str
@@ -111,19 +111,19 @@ class BusLink:
             ), 0,
         )  # fmt: skip
         self._failure = ''
-        # Frames not taken yet, with their times, and how many were too many.
+        # Frames for `take_raw` with their times, and the number of frames dropped.
         self._raw: list[tuple[int, can.Message]] = []
         self._missed = 0
-        # What was sent last and has not come back.
+        # Frames sent last whose echo has not come.
         self._echoes: collections.deque[Frame] = collections.deque(maxlen=MAX_ECHOES)
-        # Until when a flood was last met, s.
+        # Time until which the last flood counts, s.
         self._flooded = 0.0
         self._trouble = ''
         self._counted_at = time.monotonic()
         self._counted = dict(self.counts)
         self._can = open_bus(interface, channel, port)
         try:
-            # What an earlier drive left there stays.
+            # Appends to the log of an earlier drive.
             self._log = can.CanutilsLogWriter(log, append=True) if log else None
         except OSError:
             self._can.shutdown()
@@ -135,7 +135,7 @@ class BusLink:
         self._thread.start()
 
     def close(self) -> None:
-        """Give the engine back to its driver, and let go of the bus."""
+        """Release the engine and close the bus."""
         self._ended.set()
         with self._lock:
             self._bus.end()
@@ -147,17 +147,17 @@ class BusLink:
 
     @contextmanager
     def locked(self) -> Iterator[VehicleBus]:
-        """The bus, while nothing is heard or sent."""
+        """The bus, locked against the receiving thread and `send_due`."""
         with self._lock:
             yield self._bus
 
     def send_due(self) -> None:
-        """Send what is due; to be called every `tractor_io.can.torque_limit.PERIOD`."""
+        """Send the frames that are due; call it every `tractor_io.can.torque_limit.PERIOD`."""
         with self._lock:
             self._send(self._bus.outgoing(time.monotonic()))
 
     def take_raw(self) -> tuple[list[tuple[int, can.Message]], int]:
-        """Take the raw frames that were heard and sent since the last call.
+        """Take the raw frames received and sent since the last call.
 
         Returns
         -------
@@ -172,7 +172,7 @@ class BusLink:
         return raw, missed
 
     def report(self) -> Report:
-        """State of the link: the worst that is the matter.
+        """State of the link; of several faults the gravest.
 
         Returns
         -------
@@ -182,7 +182,7 @@ class BusLink:
         with self._lock:
             return self._report(time.monotonic())
 
-    # The thread that listens
+    # Receiving thread
 
     def _listen(self) -> None:
         taken, until = 0, 0.0
@@ -204,7 +204,7 @@ class BusLink:
             if now >= until:
                 taken, until = 0, now + PERIOD
             elif taken >= MAX_FRAMES:
-                # Leaves the processor to the limit; the driver's own queue drops what is too much.
+                # Leaves the processor to the limit; the queue of the driver drops the excess.
                 with self._lock:
                     self.counts['floods'] += 1
                     self._flooded = now + TELL_PERIOD
@@ -237,7 +237,7 @@ class BusLink:
             self._heard(group, now)
 
     def _keep(self, message: can.Message) -> None:
-        """Note a frame in the log, and for those who record."""
+        """Write a frame to the log and keep it for `take_raw`."""
         if self._log is not None:
             try:
                 self._log.on_message_received(message)
@@ -249,7 +249,7 @@ class BusLink:
         else:
             self._missed += 1
 
-    # Under the lock
+    # Called with the lock held
 
     def _send(self, frames: Sequence[Frame]) -> None:
         for k, (identifier, data) in enumerate(frames):
@@ -270,7 +270,7 @@ class BusLink:
         self._failure = str(error)
 
     def _count(self, now: float) -> None:
-        """Judge once a second what came in that second."""
+        """Look for faults in the frames of the last second, once a second."""
         passed = now - self._counted_at
         if passed < TELL_PERIOD:
             return
@@ -290,7 +290,7 @@ class BusLink:
         if self._failure:
             return Report(ERROR, f'the bus fails: {self._failure}')
         if sends and not bus.claim.usable:
-            # Nothing is sent: the engine obeys its driver alone.
+            # No limit is sent, so only the driver commands the engine.
             level = ERROR if bus.claim.state is Claim.LOST else WARN
             return Report(level, f'no address: {bus.claim.state.value}')
         if now < self._flooded:

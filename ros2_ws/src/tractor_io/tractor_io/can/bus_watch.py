@@ -1,8 +1,8 @@
-"""What is heard on the bus: newest value of every message, from one sender, until it is silent.
+"""Newest value of every message on the bus, from one sender each, with a timeout.
 
-Several senders of one message are arbitrated: a message is heard from the address that is pinned
-to it, or else from who sent it first, until that one falls silent. A message is silent when it has
-not come for several of its periods.
+A message may have several senders. It is accepted from the address that the user has set for it,
+or else from its first sender, until that sender's frames stop. A message counts as missing if no
+frame has come for several of its periods.
 """
 
 import math
@@ -20,19 +20,20 @@ class BusWatch:
     groups : ParameterGroups
         Messages of the bus, with their periods.
     sources : mapping of str to int
-        Address that a message is heard from, 0 to 253, by its name; others from whoever is first.
+        Address from which to accept a message, 0 to 253, by its name. The others are accepted
+        from their first sender.
     missed : float
-        Periods without a frame after which a message is silent, above 1.
+        Periods without a frame after which a message counts as missing, above 1.
 
     Attributes
     ----------
     refused : dict of str to int
-        Frames of another sender than the one heard, by message.
+        Frames from other senders than the accepted one, by message.
 
     Raises
     ------
     ValueError
-        If a message is not known, or an address or `missed` is out of range.
+        If a message is unknown, or an address or `missed` is out of range.
     """
 
     def __init__(
@@ -49,17 +50,17 @@ class BusWatch:
             groups.identifier(name)
             check_address(f'source of {name}', source)
         self._missed = missed
-        # Of every message heard: when, and what.
+        # Time and content of the newest frame of every message.
         self._newest: dict[str, tuple[float, Group]] = {}
         self.refused: dict[str, int] = {}
 
     def take(self, t: float, identifier: int, data: bytes) -> Group | None:
-        """Take in a frame.
+        """Process a frame.
 
         Parameters
         ----------
         t : float
-            When it came, s.
+            Time of arrival, s.
         identifier : int
             29 bits.
         data : bytes
@@ -68,12 +69,12 @@ class BusWatch:
         Returns
         -------
         Group or None
-            What it says; None where it is none of our messages or from a sender not heard.
+            Decoded values; None if the message is unknown or its sender not accepted.
 
         Raises
         ------
         FrameError
-            If it is one of our messages with another length.
+            If a known message has the wrong length.
         """
         group = self._groups.decode(identifier, data)
         if group is None:
@@ -89,7 +90,7 @@ class BusWatch:
         return group
 
     def silent(self, t: float, name: str) -> bool:
-        """Whether a message has not come for too long.
+        """True if a message is missing.
 
         Parameters
         ----------
@@ -101,7 +102,7 @@ class BusWatch:
         Returns
         -------
         bool
-            True too where it has never come.
+            Also true if it has never come.
         """
         if name not in self._newest:
             return True
@@ -122,7 +123,7 @@ class BusWatch:
         Returns
         -------
         float or Unknown
-            In SI units; not available where the message is silent.
+            In SI units; "not available" if the message is missing.
         """
         if self.silent(t, name):
             return Unknown.NOT_AVAILABLE

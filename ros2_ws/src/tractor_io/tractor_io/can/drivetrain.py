@@ -1,8 +1,8 @@
-"""Drivetrain between one engine and the wheels: torque of the engine to that of wheels and back.
+"""Drivetrain from one engine to the wheels: engine torque to wheel torques and back.
 
-All wheels that are driven hang on one engine over a fixed ratio, so that their torques are shares
-of one torque. Differentials are open: left and right have the same. The axles' shares are those of
-the drive, where the front axle is engaged; else the rear one has all.
+One engine drives all driven wheels over a fixed ratio, so each wheel torque is a share of one
+total torque. Differentials are open: left and right wheels have the same torque. While the front
+axle is engaged, it has the share `front_share`; otherwise the rear axle has the whole torque.
 """
 
 import math
@@ -15,30 +15,30 @@ Array = NDArray[np.float64]
 
 
 class Drivetrain:
-    """Torque of engine and wheels.
+    """Ratio and torque shares between engine and wheels.
 
     Parameters
     ----------
     front : sequence of bool
-        Whether each wheel is on the front axle; there must be wheels on the rear one.
+        True for every wheel on the front axle; at least one wheel is on the rear axle.
     reference_torque : float
         Engine torque of 100 %, N·m, above 0.
     ratio : float
         Engine speed over wheel speed, in the gear driven, dimensionless, above 0.
     efficiency : float
-        Torque at the wheels over ratio and engine torque, dimensionless, above 0 to 1.
+        Wheel torque over the product of ratio and engine torque, dimensionless, above 0 to 1.
     front_share : float
         Share of torque of the front axle while it is engaged, dimensionless, 0 to below 1.
 
     Attributes
     ----------
     full_torque : float
-        Torque of all wheels at 100 % of the engine's, N·m.
+        Sum of wheel torques at 100 % engine torque, N·m.
 
     Raises
     ------
     ValueError
-        Naming what is out of its range.
+        If a value is out of its range.
     """
 
     def __init__(
@@ -71,12 +71,12 @@ class Drivetrain:
         self._shares = (rear, both)
 
     def shares(self, front_engaged: bool) -> Array:
-        """Share of every wheel in the torque of all, dimensionless, shape (n,).
+        """Share of every wheel in the total torque, dimensionless, shape (n,).
 
         Parameters
         ----------
         front_engaged : bool
-            Whether the front axle is driven.
+            True if the front axle is driven.
 
         Returns
         -------
@@ -86,14 +86,14 @@ class Drivetrain:
         return np.array(self._shares[front_engaged])
 
     def wheel_torques(self, engine: float, front_engaged: bool) -> Array:
-        """Torque of every wheel.
+        """Torque of every wheel at a torque of the engine.
 
         Parameters
         ----------
         engine : float
-            Torque of the engine, as a share of its reference torque, dimensionless.
+            Engine torque as a share of reference torque, dimensionless.
         front_engaged : bool
-            Whether the front axle is driven.
+            True if the front axle is driven.
 
         Returns
         -------
@@ -103,24 +103,24 @@ class Drivetrain:
         return np.asarray(engine * self.full_torque * self._shares[front_engaged])
 
     def engine_share(self, torques: ArrayLike, front_engaged: bool) -> float:
-        """Most torque of the engine with which no wheel gets more than it may.
+        """Largest engine torque at which no wheel exceeds its limit.
 
         Parameters
         ----------
         torques : array_like, shape (n,)
-            Most torque of every wheel, N·m; those of wheels without drive do not count.
+            Torque limit of every wheel, N·m; limits of undriven wheels do not count.
         front_engaged : bool
-            Whether the front axle is driven.
+            True if the front axle is driven.
 
         Returns
         -------
         float
-            As a share of the engine's reference torque, dimensionless.
+            Share of reference torque, dimensionless.
 
         Raises
         ------
         ValueError
-            If there are too few or too many torques, or one is not finite.
+            If the number of torques is wrong or one is not finite.
         """
         shares = self._shares[front_engaged]
         most = np.asarray(torques, dtype=float)

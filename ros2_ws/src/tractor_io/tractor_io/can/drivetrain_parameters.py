@@ -1,4 +1,4 @@
-"""Parameters of wheels and drivetrain: those that both ends of a bus have in common."""
+"""Parameters of wheels and drivetrain, shared by the nodes `can_bridge` and `tractor_ecu`."""
 
 from types import SimpleNamespace
 
@@ -9,13 +9,13 @@ DRIVETRAIN_PARAMETERS = (
     NodeParameter(
         'wheel_names',
         default=['fl', 'fr', 'rl', 'rr'],
-        description='wheels front left and right, rear left and right',
+        description='names of the wheels: front left, front right, rear left, rear right',
         read_only=True,
     ),
     NodeParameter(
         'wheel_radii',
         default=[0.65, 0.65, 0.85, 0.85],
-        description='their rolling radii',
+        description='rolling radius of each wheel',
         unit='m',
         minimum=0.01,
         maximum=5.0,
@@ -41,7 +41,7 @@ DRIVETRAIN_PARAMETERS = (
     NodeParameter(
         'efficiency',
         default=0.9,
-        description='torque at the wheels over ratio and engine torque',
+        description='wheel torque over the product of ratio and engine torque',
         minimum=0.01,
         maximum=1.0,
         read_only=True,
@@ -49,7 +49,7 @@ DRIVETRAIN_PARAMETERS = (
     NodeParameter(
         'front_share',
         default=0.3,
-        description='share of torque of the front axle while engaged',
+        description='share of the front axle in the torque while it is engaged',
         minimum=0.0,
         maximum=0.99,
         read_only=True,
@@ -57,14 +57,14 @@ DRIVETRAIN_PARAMETERS = (
     NodeParameter(
         'front_engaged',
         default=True,
-        description='whether the front axle is driven',
+        description='true if the front axle is driven',
     ),
 )
 """Parameters of wheels and drivetrain."""
 
 
 def make_drivetrain(p: SimpleNamespace) -> Drivetrain:
-    """Drivetrain of the parameters of a node.
+    """Drivetrain from the parameters of a node.
 
     Parameters
     ----------
@@ -79,11 +79,11 @@ def make_drivetrain(p: SimpleNamespace) -> Drivetrain:
     Raises
     ------
     ValueError
-        Naming what does not fit together.
+        If parameters contradict each other.
     """
     if len(p.wheel_names) != len(p.wheel_radii) or len(set(p.wheel_names)) != len(p.wheel_names):
         raise ValueError('parameter "wheel_radii" must give one radius for each of "wheel_names"')
     if len(p.wheel_names) != 4:
-        raise ValueError('parameter "wheel_names" must name four wheels, as HRW tells of four')
+        raise ValueError('parameter "wheel_names" must name four wheels, the number in HRW')
     front = (True, True, False, False)
     return Drivetrain(front, p.reference_torque, p.gear_ratio, p.efficiency, p.front_share)

@@ -1,8 +1,8 @@
-"""A tractor's control units on the bus, for a simulated tractor: what they send, and obey.
+"""Engine and tractor control unit of a simulated tractor, as seen on the bus.
 
-The engine gives what its driver asks for, but no more than the lowest limit (TSC1) that it was
-sent within the last `LIMIT_TIMEOUT`. Frames have the periods of the standards. Speeds on the bus
-have no sign; the direction of travel tells it.
+Engine torque is the driver's demand, limited by the lowest limit (TSC1) received within the last
+`LIMIT_TIMEOUT`. Frames have the periods of the standards. Speeds on the bus have no sign; the
+direction of travel is a field of its own.
 """
 
 import math
@@ -18,18 +18,18 @@ from tractor_io.can.torque_limit import HIGHEST, STEPS, LimitReader
 from tractor_io.can.vehicle_bus import WHEEL_FIELDS, Frame
 
 ENGINE, TRACTOR = 0, 240
-"""Addresses of the engine and of the tractor's own control unit."""
+"""Addresses of the engine and of the tractor control unit."""
 
 LIMIT_TIMEOUT = 0.1
-"""Time for which a limit holds without being repeated, s."""
+"""Time for which a limit holds unless it is repeated, s."""
 
 _FORWARD, _REVERSE = 1, 0
-# Speed below which the direction stays as it was, m/s.
+# Speed below which the direction is kept, m/s.
 _STANDSTILL = 0.01
 
 
 class TractorEcu:
-    """Engine and tractor control unit.
+    """Engine and tractor control unit of a simulated tractor.
 
     Parameters
     ----------
@@ -40,14 +40,14 @@ class TractorEcu:
     drivetrain : Drivetrain
         Between the engine and these wheels.
     front_engaged : bool
-        Whether the front axle is driven.
+        True if the front axle is driven.
 
     Attributes
     ----------
     front_engaged : bool
         As given; may change at any time.
     rejected : int
-        Number of limits with a wrong checksum, a counter that stays, or no torque.
+        Number of limits with a wrong checksum, a counter that did not change, or no torque.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class TractorEcu:
         self._drivetrain = drivetrain
         self.front_engaged = front_engaged
         self._demand = 0.0
-        # Of every sender: its reader, and its newest limit with the time it came.
+        # For every sender: its reader, and its newest limit with the time of arrival.
         self._readers: dict[int, LimitReader] = {}
         self._limits: dict[int, tuple[float, float]] = {}
         self.rejected = 0
@@ -73,24 +73,24 @@ class TractorEcu:
         self._ground_speed: float | None = None
 
     def ask(self, torques: ArrayLike) -> None:
-        """Ask the engine for the torque of all wheels, as a driver does.
+        """Set the torque demand of the driver.
 
         Parameters
         ----------
         torques : array_like, shape (4,)
-            Torque of every wheel, N·m; the engine gives their sum, divided as the drivetrain does.
+            Torque of every wheel, N·m. Only their sum counts; the drivetrain divides it.
         """
         self._demand = float(
             np.clip(np.sum(torques) / self._drivetrain.full_torque, -HIGHEST, HIGHEST)
         )
 
     def take(self, t: float, identifier: int, data: bytes) -> None:
-        """Take in a frame of the bus.
+        """Process a frame of the bus.
 
         Parameters
         ----------
         t : float
-            When it came, s.
+            Time of arrival, s.
         identifier : int
             29 bits.
         data : bytes
@@ -111,7 +111,7 @@ class TractorEcu:
             self._limits[sender] = t, limit
 
     def limit(self, t: float) -> float | None:
-        """Lowest limit that holds.
+        """Lowest limit in force.
 
         Parameters
         ----------
@@ -121,13 +121,13 @@ class TractorEcu:
         Returns
         -------
         float or None
-            As a share of reference torque; None without any.
+            Share of reference torque; None if there is no limit.
         """
         held = [limit for came, limit in self._limits.values() if t - came <= LIMIT_TIMEOUT]
         return min(held, default=None)
 
     def wheel_torques(self, t: float) -> NDArray[np.float64]:
-        """Torque that the engine gives to the wheels.
+        """Torque of every wheel, after the limits.
 
         Parameters
         ----------
@@ -146,7 +146,7 @@ class TractorEcu:
         return self._drivetrain.wheel_torques(share, self.front_engaged)
 
     def ground_speed(self, v: float) -> None:
-        """Note what the radar measures.
+        """Set the speed over ground that the radar measures.
 
         Parameters
         ----------
@@ -175,7 +175,7 @@ class TractorEcu:
         if abs(wheel_based) > _STANDSTILL:
             self._direction = _FORWARD if wheel_based > 0 else _REVERSE
         if self._last is not None and t < self._last:
-            # A clock that was set back begins anew.
+            # The clock was set back: start the periods again.
             self._last = None
             self._paces.clear()
         self._distance += 0.0 if self._last is None else abs(wheel_based) * (t - self._last)
@@ -209,7 +209,7 @@ class TractorEcu:
                     'GroundBasedMachineDirection': int(self._ground_speed >= 0.0),
                 },
             )  # fmt: skip
-        # Last, as it makes the bridge tell all that it has heard.
+        # HRW comes last because the bridge publishes all values when it receives it.
         self._add(
             found, t, 'HRW', TRACTOR,
             dict(zip(WHEEL_FIELDS, np.minimum(np.abs(speeds), 69.0).tolist(), strict=True)),

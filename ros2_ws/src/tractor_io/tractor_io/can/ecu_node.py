@@ -1,4 +1,4 @@
-"""Node `tractor_ecu`: a simulated tractor behind a CAN bus, instead of a real one."""
+"""Node `tractor_ecu`: a simulated tractor on a CAN bus."""
 
 import math
 
@@ -16,14 +16,14 @@ from tractor_io.can.interface import DEFAULT_PORT, INTERFACES, frame, open_bus
 from tractor_io.can.parameter_group import tractor_groups
 
 MAX_FRAMES = 200
-"""Frames taken in between two readings of the wheels: more is a flood."""
+"""Frames read from the bus per message of `wheel_states`; more is a flood."""
 
 
 class TractorEcuBehaviour(Behaviour):
-    """Sends what a plant's wheels do as frames, and gives it the torque that the bus leaves it.
+    """Wheel states of the plant to CAN frames; driver's demand and limits to the plant's torque.
 
-    Between plant and this node `wheel_states`, `radar` and `wheel_torque` are to be remapped, as
-    `traction demo --can` does; `torque_request` is the driver's pedal.
+    Remap `wheel_states`, `radar` and `wheel_torque` between the plant and this node, as
+    `traction demo --can` does. `torque_request` is the driver's pedal.
     """
 
     NAME = 'tractor_ecu'
@@ -37,7 +37,7 @@ class TractorEcuBehaviour(Behaviour):
         NodeParameter(
             'channel',
             default='',
-            description='name of the bus; empty for the usual one',
+            description='name of the bus; empty for the default of the interface',
             read_only=True,
         ),
         NodeParameter(
@@ -52,15 +52,15 @@ class TractorEcuBehaviour(Behaviour):
     )
 
     def check_parameters(self, p):
-        """Refuse what does not fit together."""
+        """Reject values that contradict each other."""
         make_drivetrain(p)
 
     def parameters_changed(self, p, names):
-        """Follow the engagement of the front axle."""
+        """Apply the engagement of the front axle."""
         self._ecu.front_engaged = p.front_engaged
 
     def configure(self):
-        """Open the bus, and follow plant and driver."""
+        """Open the bus and subscribe to plant and driver."""
         self._ecu = TractorEcu(
             tractor_groups(),
             self.host.p.wheel_radii,
@@ -81,7 +81,7 @@ class TractorEcuBehaviour(Behaviour):
         self.host.set_diagnostic(OK, 'waiting for the tractor')
 
     def deactivate(self):
-        """Let go of the bus."""
+        """Close the bus."""
         self._can.shutdown()
 
     def _on_radar(self, message):

@@ -1,8 +1,8 @@
 """Interfaces to a CAN bus by name, over python-can.
 
-``socketcan`` is a bus of Linux, ``udp_multicast`` one over the loopback of this machine (its hop
-limit is 0: nothing leaves it), ``virtual`` one within this process, and ``candump`` a recorded log
-that is heard at the pace at which it was recorded, and not sent to.
+``socketcan`` is a CAN device of Linux. ``udp_multicast`` is a bus over the loopback of this
+machine; its hop limit is 0, so no packet leaves the machine. ``virtual`` is a bus within one
+process. ``candump`` plays a recorded log at its recorded pace and cannot send.
 """
 
 import socket
@@ -15,16 +15,16 @@ import can
 
 
 class Interface(NamedTuple):
-    """Kind of access to a bus.
+    """One kind of access to a bus.
 
     Attributes
     ----------
     channel : str
-        Channel where none is given: name of the bus, or multicast address.
+        Default channel: name of the bus, or multicast address.
     over_udp : bool
-        Has a port, and gives back what was sent.
+        The bus has a port and echoes sent frames.
     is_log : bool
-        Recorded frames, that is, nothing can be sent.
+        The bus is a recorded log; sending is an error.
     """
 
     channel: str
@@ -45,11 +45,11 @@ DEFAULT_PORT = 43113
 
 
 class BusError(ValueError):
-    """A bus that cannot be opened; the text says which, and why."""
+    """Error of opening a bus; the text names bus and reason."""
 
 
 def find_interface(name: str) -> Interface:
-    """Look up an interface.
+    """Interface of a name.
 
     Parameters
     ----------
@@ -59,12 +59,12 @@ def find_interface(name: str) -> Interface:
     Returns
     -------
     Interface
-        Of that name.
+        Its properties.
 
     Raises
     ------
     BusError
-        Naming those there are.
+        If the name is unknown; the text lists the known ones.
     """
     if name not in INTERFACES:
         raise BusError(f"unknown CAN interface '{name}': there are {', '.join(INTERFACES)}")
@@ -79,7 +79,7 @@ def open_bus(interface: str, channel: str = '', port: int = DEFAULT_PORT) -> can
     interface : str
         One of `INTERFACES`.
     channel : str
-        Name of the bus, multicast address, or path of the log; empty for the usual one.
+        Name of the bus, multicast address, or path of the log; empty for the default.
     port : int
         Of a bus over UDP, 1 to 65535.
 
@@ -91,7 +91,7 @@ def open_bus(interface: str, channel: str = '', port: int = DEFAULT_PORT) -> can
     Raises
     ------
     BusError
-        Naming what is not known, or why the bus cannot be opened.
+        If the interface is unknown, the port is out of range, or the bus cannot be opened.
     """
     kind = find_interface(interface)
     if not 1 <= port <= 65535:
@@ -109,7 +109,7 @@ def open_bus(interface: str, channel: str = '', port: int = DEFAULT_PORT) -> can
 
 
 def free_port() -> int:
-    """Port for a bus over UDP that nobody uses.
+    """Unused port for a bus over UDP.
 
     Returns
     -------
@@ -122,12 +122,12 @@ def free_port() -> int:
 
 
 class CandumpBus(can.BusABC):
-    """A log as `candump -l` writes it, heard as a bus.
+    """Recorded log (`candump -l`) as a bus, for reading only.
 
     Parameters
     ----------
     path : Path
-        The log.
+        Path of the log.
 
     Raises
     ------
@@ -143,7 +143,7 @@ class CandumpBus(can.BusABC):
         self._reader = can.CanutilsLogReader(str(path))
         self._messages = iter(self._reader)
         self._next: can.Message | None = None
-        # What a time of the log is as a steady time, s.
+        # Offset from time in the log to steady time, s.
         self._offset: float | None = None
         self._ended = threading.Event()
 
@@ -154,7 +154,7 @@ class CandumpBus(can.BusABC):
             except (ValueError, IndexError) as error:
                 raise can.CanOperationError(f'{self._path}: damaged line: {error}') from error
         if self._next is None:
-            # Silent from here on.
+            # End of the log: no more frames.
             self._ended.wait(timeout)
             return None, False
         now = time.monotonic()
@@ -169,14 +169,14 @@ class CandumpBus(can.BusABC):
         return message, False
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Refuse to send.
+        """Raise an error: a log is for reading only.
 
         Parameters
         ----------
         msg : can.Message
             A frame.
         timeout : float or None
-            s, without effect.
+            Without effect, s.
 
         Raises
         ------
@@ -186,14 +186,14 @@ class CandumpBus(can.BusABC):
         raise can.CanOperationError(f'{self._path}: a log cannot be sent to')
 
     def shutdown(self) -> None:
-        """Close the log, and end whatever waits for it."""
+        """Close the log and end a waiting `recv`."""
         self._ended.set()
         self._reader.stop()
         super().shutdown()
 
 
 def frame(identifier: int, data: bytes) -> can.Message:
-    """Make a frame to send.
+    """Frame to send, as python-can has it.
 
     Parameters
     ----------

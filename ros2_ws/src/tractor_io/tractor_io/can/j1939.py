@@ -1,25 +1,25 @@
-"""Identifiers of J1939 (SAE J1939-21, ISO 11783-3), and what a field of bits can say.
+"""Identifiers of J1939 (SAE J1939-21, ISO 11783-3), and the special values of its fields.
 
 The 29 bits of an identifier hold the priority, the parameter group number (PGN) and the source
-address. Groups whose format byte is below 240 go to one destination, which takes the place of the
-PGN's last byte; all others go to everybody.
+address. Groups with a format byte below 240 have a destination address in place of the last byte
+of the PGN. All others are broadcast.
 """
 
 from enum import Enum
 from typing import NamedTuple
 
 GLOBAL = 255
-"""Destination address of what is for everybody."""
+"""Destination address of broadcasts."""
 
 NULL = 254
-"""Source address of who has none."""
+"""Source address of a device without an address."""
 
 LAST_ADDRESS = 253
 """Largest address that a device can have; the smallest is 0."""
 
 LARGEST_IDENTIFIER = 0x1FFFFFFF
 
-# Format bytes from here on go to everybody.
+# Smallest format byte of broadcast groups.
 _BROADCAST_FORMAT = 240
 
 
@@ -29,9 +29,9 @@ def check_address(name: str, address: int) -> None:
     Parameters
     ----------
     name : str
-        Named in the error.
+        Name for the error message.
     address : int
-        To be 0 to `LAST_ADDRESS`.
+        Allowed: 0 to `LAST_ADDRESS`.
 
     Raises
     ------
@@ -43,23 +43,23 @@ def check_address(name: str, address: int) -> None:
 
 
 class Unknown(Enum):
-    """Why a field has no value."""
+    """Special value of a field without a measurement."""
 
     ERROR = 'error'
     NOT_AVAILABLE = 'not available'
 
 
 class Identifier(NamedTuple):
-    """What the identifier of a frame says.
+    """Parts of the identifier of a frame.
 
     Attributes
     ----------
     pgn : int
-        Parameter group number, 0 to 0x3FFFF; its last byte is 0 where a destination goes with it.
+        Parameter group number, 0 to 0x3FFFF; its last byte is 0 if the group has a destination.
     source : int
         Source address, 0 to 255.
     destination : int
-        Destination address, 0 to 255; 255 (`GLOBAL`) for everybody.
+        Destination address, 0 to 255; 255 (`GLOBAL`) for broadcasts.
     priority : int
         0 (first) to 7.
     """
@@ -71,7 +71,7 @@ class Identifier(NamedTuple):
 
     @classmethod
     def parse(cls, identifier: int) -> 'Identifier':
-        """Take an identifier apart.
+        """Split an identifier into its parts.
 
         Parameters
         ----------
@@ -102,7 +102,7 @@ class Identifier(NamedTuple):
         Raises
         ------
         ValueError
-            Naming the part that is out of range.
+            If a part is out of range.
         """
         for name, value, most in (
             ('pgn', self.pgn, 0x3FFFF),
@@ -123,11 +123,11 @@ class Identifier(NamedTuple):
 
 
 def meaning(raw: int, length: int) -> int | Unknown:
-    """What the bits of a field say (SAE J1939-71, ISO 11783-7).
+    """Value of a field from its bits (SAE J1939-71, ISO 11783-7).
 
-    All ones are "not available", one less is an error. Fields of whole bytes go by their first
-    byte: up to 0xFA a value, 0xFF not available, and an error in between, where 0xFE stands for
-    one and 0xFB to 0xFD are reserved.
+    In fields shorter than a byte, all ones mean "not available" and one less means "error". In
+    fields of whole bytes the most significant byte decides: 0x00 to 0xFA value, 0xFB to 0xFD
+    reserved (read as error), 0xFE error, 0xFF not available.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ def meaning(raw: int, length: int) -> int | Unknown:
     Returns
     -------
     int or Unknown
-        The bits, where they are a value.
+        The bits if they are a value, else the special value.
     """
     if length % 8:
         top = (1 << length) - 1
@@ -153,12 +153,12 @@ def meaning(raw: int, length: int) -> int | Unknown:
 
 
 def bits_of(unknown: Unknown, length: int) -> int:
-    """Bits that tell why a field has no value.
+    """Bits of a special value.
 
     Parameters
     ----------
     unknown : Unknown
-        Why.
+        Special value.
     length : int
         Number of bits: 2 to 7, 8, 16 or 32.
 
@@ -170,5 +170,5 @@ def bits_of(unknown: Unknown, length: int) -> int:
     top = (1 << length) - 1
     if unknown is Unknown.NOT_AVAILABLE:
         return top
-    # Of whole bytes the first tells.
+    # The most significant byte decides.
     return top - 1 if length < 8 else top - (1 << length - 8)

@@ -1,18 +1,18 @@
-"""The pace at which something is sent: in step with its period, but nothing late."""
+"""Pace of periodic sending: in step with the period, without catching up."""
 
 _EARLY = 1e-3
-"""By how much it may come before it is due, s."""
+"""Allowed lead over the due time, s."""
 
 
 class Pace:
-    """When something periodic is due.
+    """Due times of a periodic event.
 
     Parameters
     ----------
     period : float
-        s, above 0.
+        Period, s, above 0.
     start : float
-        When it is due first, s.
+        First due time, s.
     """
 
     def __init__(self, period: float, start: float) -> None:
@@ -20,7 +20,7 @@ class Pace:
         self._due = start
 
     def due(self, t: float) -> bool:
-        """Whether it is due; if so it counts as done.
+        """True if the event is due; the next due time is then one period later.
 
         Parameters
         ----------
@@ -30,7 +30,7 @@ class Pace:
         Returns
         -------
         bool
-            True once a period; what was missed is not made up for.
+            True once per period. Missed periods are skipped.
         """
         if t < self._due - _EARLY:
             return False

@@ -1,9 +1,8 @@
 """Parameter groups of a tractor's bus: frames to values in SI units and back.
 
-The messages are those of ``config/tractor.dbc``. A frame is looked up by its parameter group
-alone, whatever its priority and source. Every field is checked as bits before it is scaled, as
-"not available" would otherwise read as a speed of 65 m/s; bits that no field uses are sent as
-ones.
+The messages are those of ``config/tractor.dbc``. Only the parameter group identifies a message;
+priority and source do not. The bits of a field are checked before they are scaled, since "not
+available" would otherwise read as a speed of 65 m/s. Unused bits are sent as ones.
 """
 
 import math
@@ -21,7 +20,7 @@ from tractor_io.can.j1939 import Identifier, Unknown, bits_of, meaning
 LENGTH = 8
 """Bytes of every frame."""
 
-# To SI units (REP-103) from those of the bus.
+# Factors from units of the bus to SI units (REP-103).
 _TO_SI = {
     '': 1.0, 'm': 1.0, 'm/s': 1.0, 'm/s^2': 1.0, 'rad': 1.0, 'rad/s': 1.0, 'N': 1.0,
     '%': 0.01, 'km/h': 1.0 / 3.6, 'rpm': 2.0 * math.pi / 60.0, 'min': 60.0,
@@ -29,21 +28,21 @@ _TO_SI = {
 
 
 class FrameError(ValueError):
-    """A frame or a value that cannot be; the text names message and field."""
+    """Invalid frame or value; the text names message and field."""
 
 
 class Group(NamedTuple):
-    """What a frame said.
+    """Decoded frame.
 
     Attributes
     ----------
     name : str
-        Of the message, such as ``WBSD``.
+        Name of the message, such as ``WBSD``.
     identifier : Identifier
         Parameter group, source, destination, priority.
     values : dict of str to float or Unknown
-        Of every field, in SI units: m/s, m, rad/s, N, s, shares in place of percent; states and
-        counters as numbers, dimensionless.
+        Value of every field, in SI units: m/s, m, rad/s, N, s; shares in place of percent. States
+        and counters are dimensionless numbers.
     """
 
     name: str
@@ -58,7 +57,7 @@ class _Field(NamedTuple):
     scale: float
     offset: float
     to_si: float
-    # Whether error and "not available" are not among its bits.
+    # True if all bit patterns are values, without "error" and "not available".
     always: bool
 
 
@@ -71,17 +70,17 @@ class _Layout(NamedTuple):
 
 
 class ParameterGroups:
-    """Messages of a bus.
+    """Messages of a bus: decoding and encoding.
 
     Parameters
     ----------
     path : Path, optional
-        DBC file; by default that of the suite.
+        DBC file; the default is ``config/tractor.dbc``.
 
     Raises
     ------
     FrameError
-        If the file cannot be read, or holds a message or unit that is not understood.
+        If the file cannot be read, or has an unsupported message or unit.
     """
 
     def __init__(self, path: Path | None = None) -> None:
@@ -132,12 +131,12 @@ class ParameterGroups:
             )  # fmt: skip
 
     def identifier(self, name: str) -> Identifier:
-        """Parameter group and usual priority of a message, from nobody.
+        """Identifier of a message with its default priority and no source address.
 
         Parameters
         ----------
         name : str
-            Such as ``TSC1``.
+            Name of the message, such as ``TSC1``.
 
         Returns
         -------
@@ -152,12 +151,12 @@ class ParameterGroups:
         return self._named(name).identifier
 
     def period(self, name: str) -> float:
-        """Usual time from frame to frame of a message.
+        """Nominal period of a message.
 
         Parameters
         ----------
         name : str
-            Such as ``HRW``.
+            Name of the message, such as ``HRW``.
 
         Returns
         -------
@@ -182,19 +181,19 @@ class ParameterGroups:
         Parameters
         ----------
         identifier : int
-            Its 29 bits.
+            29 bits.
         data : bytes
-            Its 8 bytes.
+            8 bytes.
 
         Returns
         -------
         Group or None
-            What it says, SI units; None where its parameter group is none of ours.
+            Decoded values, SI units; None if the parameter group is unknown.
 
         Raises
         ------
         FrameError
-            If it has not 8 bytes, or an identifier of more than 29 bits.
+            If the data has not 8 bytes, or the identifier more than 29 bits.
         """
         try:
             parsed = Identifier.parse(identifier)
@@ -216,14 +215,15 @@ class ParameterGroups:
         return Group(layout.name, parsed, values)
 
     def encode(self, name: str, values: Mapping[str, float | Unknown]) -> bytes:
-        """Write the bytes of a message.
+        """Encode a message.
 
         Parameters
         ----------
         name : str
-            Such as ``WBSD``.
+            Name of the message, such as ``WBSD``.
         values : mapping of str to float or Unknown
-            Of its fields, in SI units; those left out are not available, or all ones.
+            Values of its fields, in SI units. Fields left out are sent as all ones ("not
+            available").
 
         Returns
         -------
@@ -264,12 +264,12 @@ class ParameterGroups:
 
 @cache
 def tractor_groups() -> ParameterGroups:
-    """The suite's own messages, read once.
+    """Messages of ``config/tractor.dbc``, read once per process.
 
     Returns
     -------
     ParameterGroups
-        In SI units.
+        Messages with values in SI units.
 
     Raises
     ------

@@ -1,8 +1,8 @@
 """Limit of engine torque on the bus: TSC1 with counter and checksum (SAE J1939-71).
 
-An engine takes the lowest of all limits that it is sent. A limit holds while it is repeated every
-10 ms; it is taken back by a frame of mode 0. The checksum covers identifier, data and counter, so
-that neither a frame that repeats for ever nor one that was damaged counts.
+An engine applies the lowest of all limits that it receives. A limit holds while it is repeated
+every 10 ms; a frame of mode 0 releases it. The checksum covers identifier, data and counter, so
+repeated and damaged frames are detected.
 """
 
 import math
@@ -11,24 +11,24 @@ from tractor_io.can.j1939 import Unknown
 from tractor_io.can.parameter_group import FrameError, Group, ParameterGroups
 
 PERIOD = 0.01
-"""Time from frame to frame while a limit holds, s."""
+"""Period of the frames while a limit holds, s."""
 
 HIGHEST = 1.25
-"""Largest limit that can be told, as a share of the engine's reference torque."""
+"""Largest limit that a frame can hold, as a share of reference torque."""
 
 COUNTS = 8
-"""Frames after which the counter begins anew."""
+"""Frames per cycle of the counter."""
 
-# Modes of the engine, and what a limit on torque leaves of speed: all there is, rad/s.
+# Override control modes, and the speed limit sent with a torque limit: no limit, rad/s.
 _RELEASED, _LIMIT = 0, 3
 _ANY_SPEED = 0xFAFF * 0.125 * 2.0 * math.pi / 60.0
 _STANDARD_RATE = 7
-# A temporary intervention of the power train (P32).
+# Control purpose: temporary power train control (P32).
 _PURPOSE = 31
 _TORQUE, _FRACTION = 'EngineRequestedTorque', 'EngineRequestedTorqueFraction'
 
 STEPS = 800
-"""Smallest steps of torque on the bus in the reference torque: eighths of a percent."""
+"""Steps of torque per reference torque: eighths of a percent."""
 
 
 def checksum(identifier: int, data: bytes, counter: int) -> int:
@@ -53,20 +53,20 @@ def checksum(identifier: int, data: bytes, counter: int) -> int:
 
 
 def with_fraction(torque: float, fraction: float | Unknown) -> float:
-    """Add to a torque in whole percents what its message says beyond them.
+    """Torque from its whole percents and the field with the fraction of a percent.
 
     Parameters
     ----------
     torque : float
-        As a share of the engine's reference torque, dimensionless.
+        Whole percents, as a share of reference torque, dimensionless.
     fraction : float or Unknown
-        As a share likewise, dimensionless, 0 to below 0.01; anything else does not count, as
-        senders of whole percents leave it out.
+        Fraction, as a share of reference torque, dimensionless, 0 to below 0.01. Other values are
+        ignored, since some senders leave the field out.
 
     Returns
     -------
     float
-        Torque as a share of the engine's reference torque, dimensionless, at most `HIGHEST`.
+        Share of reference torque, dimensionless, at most `HIGHEST`.
     """
     if isinstance(fraction, Unknown) or not 0.0 <= fraction < 0.00999:
         return torque
@@ -74,7 +74,7 @@ def with_fraction(torque: float, fraction: float | Unknown) -> float:
 
 
 class TorqueLimit:
-    """Sender of limits to one engine.
+    """Encoder of torque limits for one engine.
 
     Parameters
     ----------
@@ -93,15 +93,15 @@ class TorqueLimit:
         self._counter = 0
 
     def limit(self, source: int, share: float) -> tuple[int, bytes]:
-        """Frame of a limit.
+        """Frame with a limit.
 
         Parameters
         ----------
         source : int
             Address of the sender, 0 to 253.
         share : float
-            Most torque of the engine, as a share of its reference torque, -1.25 to 1.25; rounded
-            down to eighths of a percent, or by an engine that knows no fractions to whole ones.
+            Limit of engine torque, as a share of reference torque, -1.25 to 1.25. It is rounded
+            down to eighths of a percent. Engines that ignore the fraction apply whole percents.
 
         Returns
         -------
@@ -119,7 +119,7 @@ class TorqueLimit:
             raise FrameError(
                 f'TSC1 {_TORQUE} must be {-HIGHEST:g} to {HIGHEST:g} of reference, got {share}'
             )
-        # Rounded down, but not for what binary fractions are off.
+        # Rounded down, with a tolerance for binary fractions.
         percents, eighths = divmod(math.floor(STEPS * share + 1e-9), 8)
         return self._frame(
             source,
@@ -132,7 +132,7 @@ class TorqueLimit:
         )
 
     def release(self, source: int) -> tuple[int, bytes]:
-        """Frame that takes the limit back.
+        """Frame that releases the limit.
 
         Parameters
         ----------
@@ -163,35 +163,35 @@ class TorqueLimit:
 
 
 class LimitReader:
-    """Receiver of the limits of one sender: what an engine makes of them."""
+    """Decoder of the torque limits of one sender, as in an engine."""
 
     def __init__(self) -> None:
         self._counter: float | Unknown | None = None
 
     def read(self, group: Group, data: bytes) -> float | None:
-        """Limit of a frame.
+        """Limit in a frame.
 
         Parameters
         ----------
         group : Group
-            A TSC1 as decoded.
+            Decoded TSC1.
         data : bytes
             Its 8 bytes.
 
         Returns
         -------
         float or None
-            Most torque, as a share of reference torque; None where there is no limit.
+            Limit as a share of reference torque; None if the frame sets no limit.
 
         Raises
         ------
         FrameError
-            If the checksum is wrong, the counter did not count on, or the torque is no value.
+            If the checksum is wrong, the counter did not change, or the torque has no value.
         """
         values = group.values
         counter, told = values['MessageCounter'], values['MessageChecksum']
         last, self._counter = self._counter, counter
-        # Not available: a sender that has neither.
+        # Both "not available": a sender without counter and checksum.
         if not isinstance(told, Unknown) and not isinstance(counter, Unknown):
             right = checksum(group.identifier.bits, data, int(counter))
             if told != right:

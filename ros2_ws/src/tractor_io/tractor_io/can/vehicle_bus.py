@@ -1,10 +1,10 @@
-"""A tractor's bus as traction control sees it: what it hears, and the limit that it sends.
+"""Signals of a tractor's bus for traction control, received and sent.
 
-Heard are the wheel speeds (HRW), signed by the direction of travel (WBSD), the shaft torques that
-the engine's torque (EEC1) gives through the drivetrain, the speed over ground (GBSD), and what
-tells of the vehicle's state. Sent is a limit of engine torque (TSC1) every 10 ms, from an address
-that is claimed first. A wheel torque is a limit: the driver, or whoever drives, asks for torque,
-and the engine gives the less of both.
+Received: wheel speeds (HRW) with the sign of the direction of travel (WBSD), shaft torques
+computed from engine torque (EEC1) and drivetrain, speed over ground (GBSD), and the vehicle's
+state. Sent: a limit of engine torque (TSC1) every 10 ms, after an address has been claimed. A
+commanded wheel torque is only a limit: the engine applies the smaller of the driver's demand and
+the limit.
 """
 
 import math
@@ -43,7 +43,7 @@ STATUS = {
     'yaw_rate': ('VDC2', 'YawRate'),
     'longitudinal_acceleration': ('VDC2', 'LongitudinalAcceleration'),
 }
-"""Message and field of what is told of the vehicle's state, in SI units."""
+"""Message and field of every quantity of the vehicle's state, in SI units."""
 
 Frame = tuple[int, bytes]
 
@@ -51,7 +51,7 @@ _REVERSE = 0.0
 
 
 class VehicleBus:
-    """What is heard and sent on one bus.
+    """Signals received and sent on one bus.
 
     Parameters
     ----------
@@ -62,22 +62,22 @@ class VehicleBus:
     drivetrain : Drivetrain
         Between the engine and these wheels.
     claim : AddressClaim
-        Of the address to send from.
+        Claim of the address to send from.
     engine : int
         Address of the engine, 0 to 253.
     front_engaged : bool
-        Whether the front axle is driven.
+        True if the front axle is driven.
     sources : mapping of str to int
-        Address that a message is heard from, by its name.
+        Address from which to accept a message, by its name.
     missed : float
-        Periods without a frame after which a message is silent, above 1.
+        Periods without a frame after which a message counts as missing, above 1.
     timeout : float
-        Time after the last wheel torques after which the engine is limited to none, s, above 0.
+        Time after the last wheel torques until the engine is limited to zero torque, s, above 0.
 
     Raises
     ------
     ValueError
-        Naming what is out of its range.
+        If a value is out of its range.
     """
 
     def __init__(
@@ -109,22 +109,22 @@ class VehicleBus:
         self._drivetrain = drivetrain
         self._limit = TorqueLimit(groups, engine)
         self._timeout = timeout
-        # Newest limit and when it came; None before the first.
+        # Newest limit and its time; None before the first.
         self._share = 0.0
         self._commanded: float | None = None
-        # When limits are due; None while none are sent.
+        # Pace of the limits; None while none are sent.
         self._pace: Pace | None = None
         self._outbox: list[Frame] = []
 
-    # What is heard
+    # Received
 
     def take(self, t: float, identifier: int, data: bytes) -> Group | None:
-        """Take in a frame of the bus.
+        """Process a frame of the bus.
 
         Parameters
         ----------
         t : float
-            When it came, s.
+            Time of arrival, s.
         identifier : int
             29 bits.
         data : bytes
@@ -133,12 +133,12 @@ class VehicleBus:
         Returns
         -------
         Group or None
-            What it says, where it is a message of ours from the sender that is heard.
+            Decoded values; None if the message is unknown or its sender not accepted.
 
         Raises
         ------
         FrameError
-            If it is no J1939 frame, or one of our messages with another length.
+            If it is no J1939 frame, or a known message has the wrong length.
         """
         group = self.watch.take(t, identifier, data)
         if group is None:
@@ -156,7 +156,7 @@ class VehicleBus:
         Returns
         -------
         float
-            1 too where the direction is not known; dimensionless.
+            Dimensionless; 1 if the direction is unknown.
         """
         reverse = self.watch.value(t, 'WBSD', 'WheelBasedMachineDirection') == _REVERSE
         return -1.0 if reverse else 1.0
@@ -182,7 +182,7 @@ class VehicleBus:
         return speeds
 
     def shaft_torques(self, t: float) -> NDArray[np.float64] | None:
-        """Torque of every wheel's shaft, as the engine tells its own.
+        """Shaft torque of every wheel, from the engine torque.
 
         Parameters
         ----------
@@ -192,7 +192,7 @@ class VehicleBus:
         Returns
         -------
         ndarray, shape (4,), or None
-            N·m, forward positive; None where the engine does not tell.
+            N·m, forward positive; None without engine torque.
         """
         engine = self.watch.value(t, 'EEC1', 'ActualEnginePercentTorque')
         if isinstance(engine, Unknown):
@@ -224,7 +224,7 @@ class VehicleBus:
         return -speed if reverse == _REVERSE else speed
 
     def status(self, t: float) -> dict[str, float | Unknown]:
-        """What the bus tells of the vehicle's state.
+        """State of the vehicle.
 
         Parameters
         ----------
@@ -234,14 +234,14 @@ class VehicleBus:
         Returns
         -------
         dict of str to float or Unknown
-            By the names of `STATUS`, in SI units.
+            Values by the names of `STATUS`, in SI units.
         """
         return {name: self.watch.value(t, *where) for name, where in STATUS.items()}
 
-    # What is sent
+    # Sent
 
     def command(self, t: float, torques: ArrayLike) -> None:
-        """Take the most torque that the wheels may get; it holds for the timeout.
+        """Set the torque limits of the wheels; they hold for the timeout.
 
         Parameters
         ----------
@@ -253,16 +253,16 @@ class VehicleBus:
         Raises
         ------
         ValueError
-            If there are too few or too many, or one is not finite; the last ones hold on.
+            If the number is wrong or one is not finite. The previous limits then stay in force.
         """
         along = self.heading(t) * np.asarray(torques, dtype=float)
         share = self._drivetrain.engine_share(along, self.front_engaged)
-        # What pulls the other way is for brakes, and no torque of the engine.
+        # Torque against the direction of travel is for brakes, not for the engine.
         self._share = min(max(share, 0.0), HIGHEST)
         self._commanded = t
 
     def begin(self, t: float) -> None:
-        """Claim an address, and limit the engine from when it is one's own.
+        """Claim an address; the limits start when it may be used.
 
         Parameters
         ----------
@@ -274,13 +274,13 @@ class VehicleBus:
         self._send(self.claim.start(t))
 
     def end(self) -> None:
-        """Take the limit back: the engine is its driver's again."""
+        """Release the limit, so that only the driver commands the engine."""
         if self._pace is not None and self.claim.usable:
             self._outbox.append(self._limit.release(self.claim.address))
         self._pace = None
 
     def outgoing(self, t: float) -> list[Frame]:
-        """Frames that are to be sent now; to be asked for at least every 10 ms.
+        """Frames to send now; call it at least every 10 ms.
 
         Parameters
         ----------
@@ -299,9 +299,9 @@ class VehicleBus:
         return frames
 
     def unsent(self, t: float, frames: Sequence[Frame]) -> None:
-        """Take note of frames that the bus did not take.
+        """Process frames that could not be sent.
 
-        An address is one's own only after others have heard the claim.
+        A claim that was not sent does not count: other devices could not object to it.
 
         Parameters
         ----------
@@ -314,7 +314,7 @@ class VehicleBus:
             self._send(self.claim.start(t))
 
     def limit(self, t: float) -> float:
-        """Limit of the engine's torque.
+        """Limit of engine torque.
 
         Parameters
         ----------
@@ -324,12 +324,12 @@ class VehicleBus:
         Returns
         -------
         float
-            As a share of its reference torque; 0 where no wheel torques came for the timeout.
+            Share of reference torque; 0 if no wheel torques came within the timeout.
         """
         return self._share if self.commanded(t) else 0.0
 
     def commanded(self, t: float) -> bool:
-        """Whether wheel torques came within the timeout.
+        """True if wheel torques came within the timeout.
 
         Parameters
         ----------
@@ -345,6 +345,6 @@ class VehicleBus:
     def _send(self, frames: Sequence[tuple[Identifier, bytes]]) -> None:
         for identifier, data in frames:
             frame = identifier.bits, data
-            # A flood of requests for the address is answered once a period.
+            # At most one claim per period, even in a flood of requests for the address.
             if frame not in self._outbox:
                 self._outbox.append(frame)
