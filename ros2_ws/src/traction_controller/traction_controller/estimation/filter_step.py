@@ -1,20 +1,19 @@
-"""Step of the slip filter: a reading of all wheels, a reading of the speed over ground.
+"""Predict and update steps of the slip filter.
 
-State for n wheels: speed v, drawbar d (all that holds the vehicle back but soil: drawbar pull,
-grade, air), then for each wheel the logarithms of three factors on the nominal soil under it:
-strength, shear deformation modulus K, and sinkage modulus k. From shaft torque and tachometer
-each wheel's moment M is known, and its motion resistance R from the contact form, so that
+State for n wheels: speed v, drawbar d (external force without motion resistance: drawbar pull,
+grade, air drag), then for each wheel the logarithms of three factors on the nominal soil:
+strength, shear deformation modulus K, and sinkage modulus k. Shaft torque and tachometer give the
+moment M of the soil on each wheel, the contact form gives its motion resistance R. Prediction:
 
     v' = (sum_j (M_j/r_j - R_j) - d)/m.
 
-Every wheel measures M_j, which the contact form gives as a function of slip and soil, with the
-load that acceleration and drawbar leave on the wheel and in the rut that it runs in. A
-radar or a satellite receiver measures v.
+Updates: M_j of every wheel, which the contact form gives as a function of slip, soil, wheel load
+(with load transfer) and rut; and v from a radar or a satellite receiver.
 
-Soil that changes shows in M before it shows in v: a wheel speeds up within 50 ms to the slip
-that its torque takes on the new soil, when the vehicle has hardly slowed down. A wheel whose
-moment lies off its curve for several readings is held back for a contact length, and then starts
-from the nominal soil with the variance of a changed soil.
+A change of soil appears in M before it appears in v: within 50 ms a wheel speeds up to the slip of
+its torque on the new soil, while v has hardly changed. If the innovations of a wheel's moment are
+large for several readings, its moment is not used over one contact length. Then its soil factors
+restart from the nominal soil with the variance of a changed soil.
 """
 
 import math
@@ -53,12 +52,12 @@ Array = NDArray[np.float64]
 SPEED, DRAWBAR, FIRST_WHEEL = range(3)
 PER_WHEEL = 3
 
-# Of the three: logarithms of the factors on the nominal soil.
+# The three: logarithms of the factors on the nominal soil.
 STRENGTH, SHEAR_MODULUS, SINKAGE_MODULUS = range(PER_WHEEL)
 
 WHEEL_MEMORY = np.dtype(
     [
-        # Wheel speed as the tachometer's pulses leave it, rad/s, and its variance.
+        # Wheel speed estimated from tachometer pulses, rad/s, and its variance.
         ('omega', float),
         ('omega_variance', float),
         # Smoothed wheel speed, rad/s, and drive torque, N·m.
@@ -69,8 +68,8 @@ WHEEL_MEMORY = np.dtype(
         ('load', float),
         ('sinkage', float),
         ('shear', float),
-        # Motion resistance, N; its slopes over v and over the three logarithms; the variance that
-        # a straight line leaves over, N^2.
+        # Motion resistance, N; its slopes over v and over the three logarithms; variance of the
+        # residual about that line, N^2.
         ('resistance', float),
         ('resistance_by_speed', float),
         ('resistance_by_strength', float),
@@ -82,7 +81,7 @@ WHEEL_MEMORY = np.dtype(
         ('sinkage_slope', float),
         # Mean normalised innovation of the moment.
         ('mean_innovation', float),
-        # Distance since standstill until which its moment is not used, m; -1: never was held.
+        # Distance since standstill up to which its moment is not used, m; -1: soil never changed.
         ('held_until', float),
         # Filter of the counted angle: angle ahead of the count, rad; its variance, rad^2; its
         # covariance with the wheel speed, rad^2/s.
@@ -108,10 +107,10 @@ VEHICLE_MEMORY = np.dtype(
         ('soil_changed_at', float),
         # Smoothed gross traction of all wheels, N.
         ('smooth_traction', float),
-        # Time of the newest measured speed that was believed, s, and mean normalised innovation.
+        # Time of the newest accepted measured speed, s, and mean normalised innovation.
         ('speed_time', float),
         ('mean_speed_innovation', float),
-        # Of the newest speed that was not: time, s, speed, m/s, and how many in a row agree.
+        # Newest rejected speed: time, s, speed, m/s, and count of consistent ones in a row.
         ('refused_time', float),
         ('refused_speed', float),
         ('refused_in_a_row', float),
@@ -122,7 +121,7 @@ VEHICLE_MEMORY = np.dtype(
 
 
 class Noise(NamedTuple):
-    """Numbers that the filter is run with.
+    """Noise of the slip filter, as its steps need it.
 
     Attributes
     ----------
@@ -153,21 +152,21 @@ class Noise(NamedTuple):
 
 
 class Body(NamedTuple):
-    """What does not change of vehicle and soil, n wheels.
+    """Constant properties of vehicle and soil, n wheels.
 
     Attributes
     ----------
     wheels : ndarray, shape (n, 7)
         Packed wheels, SI units.
     soils : ndarray, shape (n, 17)
-        The packed nominal soil as each wheel meets it, SI units.
+        Packed nominal soil, for each wheel, SI units.
     load_distribution : ndarray, shape (n, 2)
-        Load of a wheel, N, per N of total load and per N·m of its moment.
+        Load of a wheel, N, per N of weight and per N·m of load transfer moment.
     drift, changed : ndarray, shape (3, 3)
-        Covariance of a wheel's three factors: what they gain per second, 1/s, and when the soil
-        has changed, dimensionless.
+        Covariance of a wheel's three factors: growth per second, 1/s, and value after a change
+        of soil, dimensionless.
     mass, cg_x, cg_height, hitch_height : float
-        kg, m, m, m.
+        Mass, kg; positions of centre of gravity and hitch, m.
     """
 
     wheels: Array
@@ -184,37 +183,37 @@ class Body(NamedTuple):
 # Time constant of the filter of moments, s, and of acceleration for load transfer.
 FILTER = 0.04
 TRANSFER_FILTER = 0.1
-# Thrust that changes moves what holds the vehicle back, as draft that grows with speed does: by
-# which share, one standard deviation, of how much it changed over this time, s.
+# Drawbar follows gross traction, since draft grows with speed. Standard deviation of its change,
+# as a share of the change of gross traction over this time constant, s.
 DRAWBAR_SHARE, DRAWBAR_FILTER = 0.25, 0.3
-# Quasi-static contact holds some way after a start, and after a change of soil: how many times
-# larger deviations are at first, and over what share of the radius that fades.
-START_DOUBT, START_LENGTH = 100.0, 0.6
-CHANGE_DOUBT, CHANGE_LENGTH = 3.0, 0.4
-# On soil that is not the nominal one the model errs more: how much more.
+# Contact becomes quasi-static some distance after a start and after a change of soil. Extra
+# standard deviation at first, as a multiple, and distance over which it decays, over the radius.
+START_EXTRA, START_LENGTH = 100.0, 0.6
+CHANGE_EXTRA, CHANGE_LENGTH = 3.0, 0.4
+# Extra standard deviation on soil other than the nominal one, as a multiple.
 OFF_NOMINAL = 1.0
-# A second change within so many radii belongs to the first: what was learnt is kept.
+# A second change within so many radii counts as part of the first: the estimated factors are kept.
 AGAIN = 5.0
-# Mean normalised innovation of a wheel: weight of the newest; deviations of moment and slip in it
-# (those of one reading: other errors last for several); how large a mean shows that the soil has
-# changed, and from which on the wheel is trusted less.
+# Mean normalised innovation of a wheel: weight of the newest; standard deviations of moment and
+# slip in it (of single readings, without errors that last longer); mean above which the soil
+# counts as changed, and mean above which the variance of the moment grows.
 INNOVATION_SHARE = 0.2
 INNOVATION_MOMENT, INNOVATION_SLIP = 0.01, 0.015
 CHANGE_INNOVATION = 2.5
-DOUBT_INNOVATION = 2.5
-# After a change of soil the drawbar is taken to change less for a while: share, and time, s.
+LARGE_INNOVATION = 2.5
+# Smaller random walk of the drawbar after a change of soil: share, and time constant, s.
 STEADY_DRAWBAR, STEADY_TIME = 0.3, 1.5
-# Of counted pulses: wheel speed, rad/s, below which its random walk is no smaller; how far off the
-# middle of the pulse the angle may be expected, in half pulses; and by which share of the square
-# of (excess over a period) the variance of the speed grows.
+# Counted pulses: wheel speed, rad/s, below which its random walk stays constant; allowed
+# difference of the expected angle from the middle of the pulse, in half pulses; growth of the
+# variance of the speed, as a share of (excess over one period)^2.
 MIN_WALKING, COUNT_SLACK, UNEXPECTED_SPEED = 1.0, 1.2, 0.05
-# Least load on a wheel, as share of its static load, and most drawbar, as share of the weight.
+# Smallest load of a wheel over its static load, and largest drawbar over the weight.
 MIN_LOAD, MAX_DRAWBAR = 0.2, 0.5
 
 
 @kernel
-def doubt_soil(x, p, wheel, changed, keep):
-    """Take a wheel to stand on soil of which only the nominal one is known, in place.
+def reset_soil(x, p, wheel, changed, keep):
+    """Reset the soil factors of a wheel and their covariance, in place.
 
     Parameters
     ----------
@@ -223,11 +222,11 @@ def doubt_soil(x, p, wheel, changed, keep):
     p : ndarray, shape (2 + 3n, 2 + 3n)
         Its covariance, in products of these units.
     wheel : int
-        Number of the wheel, from 0.
+        Index of the wheel.
     changed : ndarray, shape (3, 3)
         Covariance of the factors, dimensionless.
     keep : bool
-        Whether the estimated factors stay, only that they are not trusted.
+        True: keep the factors and reset only their covariance. False: nominal soil.
     """
     first = FIRST_WHEEL + PER_WHEEL * wheel
     for a in range(PER_WHEEL):
@@ -241,19 +240,19 @@ def doubt_soil(x, p, wheel, changed, keep):
 
 @kernel
 def count_pulses(kept, reading, dt, noise):
-    """Follow the angle behind the pulses that a tachometer counts, in place.
+    """Estimate wheel angle and speed from counted tachometer pulses, in place.
 
-    A reading is a difference of counted angles over time, so the counted angle is its sum. The
-    true one lies between it and a pulse further on.
+    A reading is a difference of counted angles over time, so its integral is the counted angle.
+    The true angle lies between the counted angle and one pulse more.
 
     Parameters
     ----------
     kept : record
-        One of `WHEEL_MEMORY`, SI units.
+        Record of `WHEEL_MEMORY`, SI units.
     reading : float
-        The tachometer's, rad/s.
+        Reading of the tachometer, rad/s.
     dt : float
-        Time since the last, s, above 0.
+        Time since the last reading, s, above 0.
     noise : Noise
         SI units.
     """
@@ -263,11 +262,11 @@ def count_pulses(kept, reading, dt, noise):
     walk = noise.wheel_acceleration * max(abs(kept.omega), MIN_WALKING)
     kept.omega_variance += walk**2 * dt
     innovation = noise.pulse / 2.0 - kept.angle_ahead
-    # Unlike other noise a count's is bounded: what is further off has changed its speed.
+    # The error of a count is bounded by a pulse: a larger difference is a change of speed.
     excess = abs(innovation) - COUNT_SLACK * noise.pulse / 2.0
     if excess > 0.0:
         kept.omega_variance += UNEXPECTED_SPEED * (excess / dt) ** 2
-    # Evenly spread over a pulse.
+    # Variance of a uniform distribution over a pulse: pulse^2/12.
     total = kept.angle_variance + noise.pulse**2 / 12.0
     of_angle, of_omega = kept.angle_variance / total, kept.angle_omega_covariance / total
     kept.angle_ahead += of_angle * innovation
@@ -278,13 +277,13 @@ def count_pulses(kept, reading, dt, noise):
 
 
 @kernel
-def forget_curve(kept):
-    """Give up what the contact form said of a wheel: it does not roll, or slips unknown.
+def reset_curve(kept):
+    """Reset the results of the contact form for a wheel at standstill or without valid slip.
 
     Parameters
     ----------
     kept : record
-        One of `WHEEL_MEMORY`, SI units.
+        Record of `WHEEL_MEMORY`, SI units.
     """
     kept.resistance = 0.0
     kept.resistance_by_speed = 0.0
@@ -297,8 +296,8 @@ def forget_curve(kept):
 
 
 @kernel
-def begin(t, omega, torque, x, p, wheel_memory, vehicle_memory, body, noise):
-    """Start from the first reading of the wheels, in place.
+def initialise(t, omega, torque, x, p, wheel_memory, vehicle_memory, body, noise):
+    """Initialise from the first reading of the wheels, in place.
 
     Parameters
     ----------
@@ -309,7 +308,7 @@ def begin(t, omega, torque, x, p, wheel_memory, vehicle_memory, body, noise):
     x, p : ndarray
         State and covariance in SI units, see `update_wheels`.
     wheel_memory, vehicle_memory : ndarray
-        What is kept beside them, SI units, see `update_wheels`.
+        Memory beside state and covariance, SI units, see `update_wheels`.
     body : Body
         SI units.
     noise : Noise
@@ -324,7 +323,7 @@ def begin(t, omega, torque, x, p, wheel_memory, vehicle_memory, body, noise):
         kept.omega = omega[j]
         kept.omega_variance = noise.wheel_speed**2
         if noise.pulse > 0.0:
-            # The first reading says within a pulse how far it turned in an unknown time.
+            # The first count has an unknown period, so it gives the angle but not the speed.
             kept.angle_ahead = noise.pulse / 2.0
             kept.angle_variance = noise.pulse**2 / 12.0
             kept.omega_variance = 1.0 + (0.5 * omega[j]) ** 2
@@ -333,15 +332,15 @@ def begin(t, omega, torque, x, p, wheel_memory, vehicle_memory, body, noise):
         kept.moment = kept.smooth_drive
         kept.load = wheel[STATIC_LOAD]
         trip.smooth_traction += kept.moment / wheel[RADIUS]
-    # Rolling, give or take half of it: the wheels may be slipping already.
+    # Speed of rolling with a standard deviation of half of it: the wheels may slip already.
     rim = float(np.median(rims))
     x[SPEED] = rim
     reset_entry(p, SPEED, 1.0 + (0.5 * rim) ** 2)
 
 
 @kernel
-def advance(t, omega, torque, x, p, wheel_memory, vehicle_memory, ruts, body, noise):
-    """Carry the estimate on to the next reading of the wheels, in place.
+def predict(t, omega, torque, x, p, wheel_memory, vehicle_memory, ruts, body, noise):
+    """Predict the state at the next reading of the wheels, in place.
 
     Parameters
     ----------
@@ -352,9 +351,9 @@ def advance(t, omega, torque, x, p, wheel_memory, vehicle_memory, ruts, body, no
     x, p : ndarray
         State and covariance in SI units, see `update_wheels`.
     wheel_memory, vehicle_memory : ndarray
-        What is kept beside them, SI units, see `update_wheels`.
+        Memory beside state and covariance, SI units, see `update_wheels`.
     ruts : Ruts
-        What the wheels have left, extended.
+        Ruts of the wheels, extended by this step.
     body : Body
         SI units.
     noise : Noise
@@ -381,13 +380,13 @@ def advance(t, omega, torque, x, p, wheel_memory, vehicle_memory, ruts, body, no
         else:
             kept.omega = omega[j]
         drive = torque[j] - wheel[FRICTION] * kept.omega
-        # One and the same filter on torque and on the wheel's acceleration, so that their
-        # difference is the filtered moment.
+        # The same filter on drive torque and wheel acceleration, so that their difference
+        # M = T - I*d(omega)/dt is the filtered moment.
         spin_up = share / dt * (kept.omega - kept.smooth_omega)
         kept.smooth_omega += share * (kept.omega - kept.smooth_omega)
         kept.smooth_drive += share * (drive - kept.smooth_drive)
         kept.moment = kept.smooth_drive - wheel[INERTIA] * spin_up
-        # The impulse needs no filter: a tachometer's errors cancel from reading to reading.
+        # The impulse needs no filter: errors of the tachometer cancel in the sum over readings.
         impulse = (drive - wheel[INERTIA] * (kept.omega - before) / dt) / wheel[RADIUS]
         acceleration += impulse - kept.resistance
         thrust += kept.moment / wheel[RADIUS]
@@ -402,7 +401,7 @@ def advance(t, omega, torque, x, p, wheel_memory, vehicle_memory, ruts, body, no
     slope /= mass
     v = x[SPEED]
     x[SPEED] += acceleration * dt
-    # P = F*P*F' with F all identity but for the row of v: first rows, then columns.
+    # P = F*P*F', where F is the identity except for the row of v: first rows, then columns.
     row = np.zeros(m)
     for a in range(m):
         gained = 0.0
@@ -454,7 +453,7 @@ def advance(t, omega, torque, x, p, wheel_memory, vehicle_memory, ruts, body, no
 
 @kernel
 def update_moments(method, x, p, wheel_memory, vehicle_memory, ruts, body, noise):
-    """Update with the moment of every wheel that slips measurably, in place.
+    """Update with the moment of every wheel with a valid slip, in place.
 
     Parameters
     ----------
@@ -463,9 +462,9 @@ def update_moments(method, x, p, wheel_memory, vehicle_memory, ruts, body, noise
     x, p : ndarray
         State and covariance in SI units, see `update_wheels`.
     wheel_memory, vehicle_memory : ndarray
-        What is kept beside them, SI units, see `update_wheels`.
+        Memory beside state and covariance, SI units, see `update_wheels`.
     ruts : Ruts
-        What the wheels have left.
+        Ruts of the wheels.
     body : Body
         SI units.
     noise : Noise
@@ -491,13 +490,13 @@ def update_moments(method, x, p, wheel_memory, vehicle_memory, ruts, body, noise
         omega = kept.omega
         v, rim = x[SPEED], radius * omega
         if not is_valid(v, rim, noise.min_speed) or v * rim < 0.0:
-            forget_curve(kept)
+            reset_curve(kept)
             continue
         fastest = max(abs(v), abs(rim))
         heading = 1.0 if v + rim >= 0.0 else -1.0
         first = FIRST_WHEEL + PER_WHEEL * j
         entries[0] = SPEED
-        # Towards more slip on firmer soil, where the curve bends least.
+        # Towards more slip on firmer soil, where the curvature is smallest.
         steps[0] = -0.01 * heading * fastest
         for a in range(PER_WHEEL):
             entries[1 + a] = first + a
@@ -508,7 +507,7 @@ def update_moments(method, x, p, wheel_memory, vehicle_memory, ruts, body, noise
         guess = kept.sinkage
         left = 0.0
         for i in range(count):
-            # Not across standstill, where all of it turns round.
+            # Not past standstill, where slip and moment change sign.
             speed = heading * max(heading * points[i, 0], MIN_TRANSIT_SPEED)
             moment, resistance, _, z, shear = quasi_static(
                 speed, omega, kept.load, place, (points[i, 1], points[i, 2], points[i, 3]),
@@ -533,13 +532,13 @@ def update_moments(method, x, p, wheel_memory, vehicle_memory, ruts, body, noise
         for a in range(k):
             h[entries[a]] = slope[a]
         per_slip = slope[0] * fastest
-        # Slip errs by the wheel speed's error, too, as far as pulses leave one.
+        # Variance of the slip from the error of the wheel speed, with counted pulses only.
         blurred = noise.pulse > 0.0
         by_pulses = (per_slip * radius / fastest) ** 2 * kept.omega_variance if blurred else 0.0
         innovation = kept.moment - expected
-        unsettled = 1.0 + START_DOUBT * math.exp(-travelled / (START_LENGTH * radius))
+        unsettled = 1.0 + START_EXTRA * math.exp(-travelled / (START_LENGTH * radius))
         past = travelled - kept.held_until
-        changing = 1.0 + CHANGE_DOUBT * math.exp(-max(past, 0.0) / (CHANGE_LENGTH * radius))
+        changing = 1.0 + CHANGE_EXTRA * math.exp(-max(past, 0.0) / (CHANGE_LENGTH * radius))
         changing += OFF_NOMINAL if kept.held_until > 0.0 else 0.0
         unit = radius * wheel[STATIC_LOAD]
         own = (INNOVATION_MOMENT * unit) ** 2 + (INNOVATION_SLIP * per_slip) ** 2 + by_pulses
@@ -554,7 +553,7 @@ def update_moments(method, x, p, wheel_memory, vehicle_memory, ruts, body, noise
             kept.mean_innovation = 0.0
         if abs(kept.mean_innovation) > CHANGE_INNOVATION:
             kept.mean_innovation = 0.0
-            doubt_soil(x, p, j, body.changed, kept.held_until > 0.0 and past < AGAIN * radius)
+            reset_soil(x, p, j, body.changed, kept.held_until > 0.0 and past < AGAIN * radius)
             trip.soil_changed_at = trip.time
             cosine = max(-1.0, 1.0 - kept.sinkage / radius)
             kept.held_until = travelled + radius * math.acos(cosine)
@@ -562,7 +561,7 @@ def update_moments(method, x, p, wheel_memory, vehicle_memory, ruts, body, noise
             continue
         variance = (noise.moment * unit) ** 2 + (noise.slip * per_slip) ** 2 + by_pulses + rest
         variance *= (unsettled * changing) ** 2 * (
-            1.0 + (kept.mean_innovation / DOUBT_INNOVATION) ** 4
+            1.0 + (kept.mean_innovation / LARGE_INNOVATION) ** 4
         )
         optimal_gain(p, h, variance, gain)
         update(x, p, h, gain, innovation, variance)
@@ -570,7 +569,7 @@ def update_moments(method, x, p, wheel_memory, vehicle_memory, ruts, body, noise
 
 @kernel
 def update_wheels(method, t, omega, torque, x, p, wheel_memory, vehicle_memory, ruts, body, noise):
-    """Update with a reading of all wheels but the first, in place.
+    """Predict, and update with a reading of all wheels after the first, in place.
 
     Parameters
     ----------
@@ -585,17 +584,17 @@ def update_wheels(method, t, omega, torque, x, p, wheel_memory, vehicle_memory, 
     p : ndarray, shape (2 + 3n, 2 + 3n)
         Its covariance, in products of these units.
     wheel_memory : ndarray of `WHEEL_MEMORY`, shape (n,)
-        What is kept of each wheel, SI units.
+        Memory of each wheel, SI units.
     vehicle_memory : ndarray of `VEHICLE_MEMORY`, shape (1,)
-        What is kept of the vehicle, SI units.
+        Memory of the vehicle, SI units.
     ruts : Ruts
-        What the wheels have left.
+        Ruts of the wheels.
     body : Body
         SI units.
     noise : Noise
         SI units.
     """
-    advance(t, omega, torque, x, p, wheel_memory, vehicle_memory, ruts, body, noise)
+    predict(t, omega, torque, x, p, wheel_memory, vehicle_memory, ruts, body, noise)
     update_moments(method, x, p, wheel_memory, vehicle_memory, ruts, body, noise)
 
 

@@ -1,15 +1,14 @@
-"""Ground speed from a satellite receiver (GNSS): positions that may jump, judged by the wheels.
+"""Ground speed from the positions of a satellite receiver (GNSS), with rejection of jumps.
 
-A Kalman filter on position p and mean velocity u over the time between two fixes, on every
-axis,
+A Kalman filter per axis with position p and mean velocity u over the time between two fixes,
 
     u(k) = u(k-1) + d(r*omega)*e + noise,    p(k) = p(k-1) + u(k)*dt,
 
-with e the direction of travel and d(r*omega) by how much the wheels turned faster than in the
-interval before. So a fix is compared with where earlier fixes and wheels put the vehicle. One
-that is further off is a jump (multipath, a change of satellites) and is refused; should the
-fixes that follow agree with it and with each other, the track goes on from there: with the
-speed that they show, and without counting the jump as a way travelled.
+where e is the direction of travel and d(r*omega) the change of rim speed since the interval
+before. Each fix is compared with the position predicted from earlier fixes and wheels. A fix
+outside the gate is a jump (multipath, a change of satellites) and is rejected. If the following
+fixes agree with it and with each other, the track restarts from them, with their speed. The jump
+does not count as distance travelled.
 """
 
 import math
@@ -30,17 +29,17 @@ class GnssNoise:
     Attributes
     ----------
     position : float
-        Standard deviation of a horizontal position against its neighbours in time, m. Much
-        less than what receivers state, most of which stays the same from fix to fix.
+        Standard deviation of a horizontal position relative to the fixes around it, m. It is
+        much smaller than the accuracy that receivers state, whose errors change slowly.
     height : float
-        The same of the height, m.
+        The same for the height, m.
     acceleration : float
-        Random walk of the velocity that wheels do not show, m/s per sqrt(s).
+        Random walk of the velocity beyond the change of rim speed, m/s per sqrt(s).
     manoeuvre : float
-        The same per speed, 1 per sqrt(s): changes of heading and of slip.
+        The same as a share of the speed, 1 per sqrt(s): changes of heading and slip.
     wheels : float
-        Standard deviation of how much of a change of the wheels' speed the vehicle follows,
-        as a share of the change, dimensionless.
+        Standard deviation of the change of ground speed for a change of rim speed, as a share
+        of that change, dimensionless.
     """
 
     position: float = 0.02
@@ -57,15 +56,15 @@ class GnssNoise:
 
 
 class RimTravel:
-    """Way that the wheels have rolled, of the last seconds.
+    """Rim travel of the last seconds: integral of rim speed.
 
     Parameters
     ----------
     memory : float
-        How far back it is known, s, above 0.
+        Length of the history, s, above 0.
     """
 
-    # Beyond the newest reading the wheels are taken to turn on for this long, s.
+    # Extrapolation beyond the newest reading at constant speed, s.
     _AHEAD = 0.5
 
     def __init__(self, memory: float) -> None:
@@ -73,12 +72,12 @@ class RimTravel:
         self._readings: deque[tuple[float, float, float]] = deque()
 
     def add(self, t: float, rim_speed: float) -> None:
-        """Add the speed of the wheels' rims.
+        """Add a reading of rim speed.
 
         Parameters
         ----------
         t : float
-            Time, s; a time before that of the last call forgets everything.
+            Time, s; a time before that of the last call clears the history.
         rim_speed : float
             r*omega, mean of the wheels, m/s, forward positive.
         """
@@ -94,7 +93,7 @@ class RimTravel:
             readings.popleft()
 
     def at(self, t: float) -> float:
-        """Find the travel at a time.
+        """Travel at a time.
 
         Parameters
         ----------
@@ -104,7 +103,7 @@ class RimTravel:
         Returns
         -------
         float
-            Travel since some moment, m; NaN where it is not known.
+            Travel from an arbitrary origin, m; NaN outside the history.
         """
         readings = self._readings
         if not readings or t < readings[0][0] or t > readings[-1][0] + self._AHEAD:
@@ -124,7 +123,7 @@ POSITION, VELOCITY = range(2)
 
 
 class Motion(NamedTuple):
-    """Position and mean velocity on each of d axes, and how well they are known.
+    """Position and mean velocity on each of d axes, with covariance.
 
     Attributes
     ----------
@@ -141,16 +140,16 @@ class Motion(NamedTuple):
     uu: Array
 
     def carried(self, dt: float, change: Array, growth: float) -> 'Motion':
-        """Move on.
+        """Predict.
 
         Parameters
         ----------
         dt : float
             Time, s.
         change : ndarray, shape (d,)
-            Of velocity, m/s.
+            Change of velocity, m/s.
         growth : float
-            Of the velocity's variance, m^2/s^2.
+            Growth of the variance of velocity, m^2/s^2.
 
         Returns
         -------
@@ -162,19 +161,19 @@ class Motion(NamedTuple):
         return Motion(self.p + u * dt, u, pp, self.pu + dt * uu, uu)
 
     def off(self, kind: int, measured: Array, variance: Array) -> float:
-        """Compare with a measurement.
+        """Distance of a measurement in standard deviations.
 
         Parameters
         ----------
         kind : int
             `POSITION` or `VELOCITY`.
         measured, variance : ndarray, shape (d,)
-            m or m/s, and its square.
+            Measurement, m or m/s, and its variance, in the square of that unit.
 
         Returns
         -------
         float
-            Standard deviations between the two, dimensionless.
+            Norm of the normalised innovation, dimensionless.
         """
         expected, known = (self.p, self.pp) if kind == POSITION else (self.u, self.uu)
         return math.sqrt(float(np.sum((measured - expected) ** 2 / (known + variance))))
@@ -187,12 +186,12 @@ class Motion(NamedTuple):
         kind : int
             `POSITION` or `VELOCITY`.
         measured, variance : ndarray, shape (d,)
-            m or m/s, and its square.
+            Measurement, m or m/s, and its variance, in the square of that unit.
 
         Returns
         -------
         Motion
-            With the measurement, SI units.
+            Updated motion, SI units.
         """
         if kind == POSITION:
             off, with_p, with_u = measured - self.p, self.pp, self.pu
@@ -204,7 +203,7 @@ class Motion(NamedTuple):
         return Motion(
             self.p + gain_p * off,
             self.u + gain_u * off,
-            # Joseph's form, multiplied out for every axis.
+            # Joseph form, expanded per axis.
             self.pp - 2 * gain_p * with_p + gain_p * gain_p * total,
             self.pu - gain_p * with_u - gain_u * with_p + gain_p * gain_u * total,
             self.uu - 2 * gain_u * with_u + gain_u * gain_u * total,
@@ -212,24 +211,24 @@ class Motion(NamedTuple):
 
 
 class GnssTrack:
-    """Ground speed, distance and heading from fixes, with jumps taken out.
+    """Ground speed, distance and heading from fixes, with rejection of jumps.
 
     Parameters
     ----------
     noise : GnssNoise
-        How far fixes and motion are trusted.
+        Noise of fixes and motion.
     latency : float
-        By how much a stamp is later than the measurement, s, at least 0; 0 where the receiver
-        stamps the time of measurement.
+        Delay of the stamp after the measurement, s, at least 0; 0 if the receiver stamps the
+        time of measurement.
     min_speed : float
         Ground speed below which speed and heading are not valid, m/s, above 0. Two fixes dt
-        apart tell the speed to sqrt(2)*position/dt, whatever it is: 0.3 m/s at 10 Hz, which
-        the filter brings down to about 0.05.
+        apart give the speed with a standard deviation of sqrt(2)*position/dt: 0.3 m/s at 10 Hz.
+        The filter reduces it to about 0.05 m/s.
     gate : float
-        Standard deviations from the expected place beyond which a fix is refused, above 0,
-        dimensionless.
+        Distance from the predicted position above which a fix is rejected, in standard
+        deviations, above 0, dimensionless.
     settling : float
-        For how long refused fixes must agree with each other before the track goes on from
+        Time for which rejected fixes must agree with each other before the track restarts from
         them, s, above 0.
 
     Attributes
@@ -237,27 +236,27 @@ class GnssTrack:
     t : float or None
         Time of measurement of the newest fix, s; None before the first.
     distance : float
-        Way along the ground while the speed was valid, m; negative in reverse, which only
-        wheels can tell.
+        Distance travelled while the speed was valid, m; negative in reverse. The sign comes from
+        the wheels.
     refused : int
-        Number of fixes refused so far.
+        Number of fixes rejected so far.
     rebased : int
-        Number of times that the track went on from fixes first refused.
+        Number of restarts of the track from fixes that were rejected first.
     reading, reading_variance : float
-        What the newest fix alone says about the speed at `speed_t`, m/s, and its variance,
-        m^2/s^2: for another filter, to which `speed` would tell the same again and again.
-        Variance is infinite where the fix says nothing, or nothing that can be believed.
+        Speed at `speed_t` from the newest fix alone, m/s, and its variance, m^2/s^2. It is meant
+        for another filter, since consecutive values of `speed` are correlated. The variance is
+        infinite if the fix has no information on speed or was rejected.
     """
 
-    # Without a fix for this long, s, what was known of position and speed is given up.
+    # Time without a fix after which the track is reset, s.
     LONGEST_GAP = 2.0
-    # Standard deviation of speed up to which it is valid, m/s, and that of one not known.
+    # Largest standard deviation of a valid speed, m/s, and that of an unknown speed.
     _LARGEST_DEVIATION = 0.5
     _UNKNOWN_SPEED = 10.0
-    # That many fixes at least must agree before the track goes on from them.
+    # Smallest number of fixes that must agree before the track restarts from them.
     _MIN_FIXES = 4
-    # Standard deviation of the velocity where fixes begin to be refused, as a share of it:
-    # within the gate the vehicle may stand, or go twice as fast.
+    # Standard deviation of the velocity when fixes start to be rejected, as a share of it:
+    # from standstill to twice the speed lies within the gate.
     _CHANGED = 0.25
 
     def __init__(
@@ -289,7 +288,7 @@ class GnssTrack:
         self.reset()
 
     def reset(self) -> None:
-        """Forget position and speed; distance and counts stay."""
+        """Reset position and speed; distance and counts are kept."""
         self.t: float | None = None
         self._motion: Motion | None = None
         self.reading, self.reading_variance = 0.0, math.inf
@@ -316,12 +315,12 @@ class GnssTrack:
 
     @property
     def speed_t(self) -> float:
-        """Time at which `speed` was the vehicle's, s: the middle between the last two fixes."""
+        """Time of `speed`, s: the middle between the last two fixes."""
         return math.nan if self.t is None else self.t - 0.5 * self._dt
 
     @property
     def valid(self) -> bool:
-        """True where speed and heading can be used: fast enough, known, fixes not all refused."""
+        """True if speed and heading can be used: above `min_speed`, accurate, fixes accepted."""
         return (
             self._motion is not None
             and self.t is not None
@@ -332,7 +331,7 @@ class GnssTrack:
 
     @property
     def heading(self) -> float:
-        """Where the vehicle's front points, rad, counter-clockwise from the first axis (east)."""
+        """Heading of the vehicle, rad, counter-clockwise from the first axis (east)."""
         if self._motion is None:
             return 0.0
         east, north = self._sense * self._motion.u[:2]
@@ -352,7 +351,7 @@ class GnssTrack:
         return np.full(2, math.nan) if self._motion is None else self._motion.p.copy()
 
     def wheels(self, t: float, rim_speed: float) -> None:
-        """Note the speed of the wheels, which tells what the next fix should be.
+        """Add a reading of the wheels, for the prediction of the next fix.
 
         Parameters
         ----------
@@ -383,20 +382,20 @@ class GnssTrack:
         Returns
         -------
         bool
-            False where it was refused.
+            False if it was rejected.
 
         Raises
         ------
         ValueError
             If a number is not finite, there are not 2 or 3 of them or not as many as before,
-            or time runs backwards; nothing is taken in then.
+            or time runs backwards. The track is then unchanged.
         """
         place = self._checked('position', position)
         variance = np.array([self.noise.position**2] * 2 + [self.noise.height**2])[: place.size]
         return self._receive(t, POSITION, place, variance)
 
     def velocity(self, t: float, velocity: ArrayLike, variance: float) -> bool:
-        """Update with a velocity, as receivers measure it by the Doppler shift.
+        """Update with a velocity, measured by Doppler shift.
 
         Parameters
         ----------
@@ -410,12 +409,12 @@ class GnssTrack:
         Returns
         -------
         bool
-            False where it was refused.
+            False if it was rejected.
 
         Raises
         ------
         ValueError
-            As of `fix`, or if the variance is not above 0.
+            As `fix`, or if the variance is not above 0.
         """
         if not (math.isfinite(variance) and variance > 0):
             raise ValueError(f'variance of velocity must be above 0, got {variance} m^2/s^2')
@@ -453,40 +452,40 @@ class GnssTrack:
         before = self._motion.p
         motion = expected = self._carry(t)
         off = motion.off(kind, measured, variance)
-        # The longer fixes are refused, the less a place is known: one that fits the track on
-        # trial better belongs to that.
-        believed = off <= self.gate
+        # The gate widens with the time without accepted fixes. A fix nearer to the trial track
+        # belongs to that.
+        accepted = off <= self.gate
         if self._trial is not None:
-            believed = off <= min(self.gate / 2, self._trial.off(kind, measured, variance))
-        if believed:
+            accepted = off <= min(self.gate / 2, self._trial.off(kind, measured, variance))
+        if accepted:
             self._trial = None
             motion = motion.corrected(kind, measured, variance)
         else:
             self.refused += 1
             trial = self._try(motion, kind, measured, variance)
             if trial is not None:
-                # It goes on from there; what lies between is no way travelled.
+                # Restart from the trial track; the jump is not distance travelled.
                 before = before + trial.p - motion.p
                 motion = trial
-                believed = True
+                accepted = True
                 self.rebased += 1
                 self._trial = None
-        if believed:
+        if accepted:
             self._believed_t = t
         self._motion = motion
-        self._read(expected, believed)
+        self._read(expected, accepted)
         if self.valid:
             self.distance += self._sense * float(self._direction @ (motion.p - before))
-        return believed
+        return accepted
 
-    def _read(self, expected: Motion, believed: bool) -> None:
-        """Find what a fix has added to what was known of the speed."""
+    def _read(self, expected: Motion, accepted: bool) -> None:
+        """Set `reading`: the information on speed that a fix has added."""
         assert self._motion is not None
         self.reading, self.reading_variance = self.speed, math.inf
         along = self._direction
         before, after = float(along**2 @ expected.uu), self.speed_variance
-        if believed and self.valid and after < (1.0 - 1e-9) * before:
-            # As of two independent readings whose mean is the present speed.
+        if accepted and self.valid and after < (1.0 - 1e-9) * before:
+            # Inverse of the update: the independent reading that gives the present mean.
             share = before / (before - after)
             was = self._sense * float(along @ expected.u)
             self.reading = was + share * (self.speed - was)
@@ -494,15 +493,15 @@ class GnssTrack:
 
     @staticmethod
     def _start(kind: int, measured: Array, variance: Array, u: Array, deviation: float) -> Motion:
-        """Begin a track with its first measurement, the velocity being u or so."""
+        """Start a track from its first measurement with velocity u and its deviation."""
         nothing = np.zeros(measured.size)
         if kind == VELOCITY:
-            # Only differences of position count.
+            # Only differences of position matter.
             return Motion(nothing, measured, nothing + variance, nothing, variance)
         return Motion(measured, u, variance, nothing, nothing + deviation**2)
 
     def _carry(self, t: float) -> Motion:
-        """Carry the track, and the one on trial, to the time of a measurement."""
+        """Predict the track and the trial track at the time of a measurement."""
         assert self.t is not None
         assert self._motion is not None
         dt = t - self.t
@@ -522,7 +521,7 @@ class GnssTrack:
                 change = self._sense * faster * self._direction
                 growth += (self.noise.wheels * faster) ** 2
             else:
-                # It is not known which way it goes.
+                # Direction of travel unknown.
                 growth += faster**2
         self.t, self._dt = t, dt
         if self._trial is not None:
@@ -530,7 +529,7 @@ class GnssTrack:
         return self._motion.carried(dt, change, growth)
 
     def _try(self, motion: Motion, kind: int, measured: Array, variance: Array) -> Motion | None:
-        """Follow refused measurements, and return their track once it can be trusted."""
+        """Track rejected measurements; return their track when enough of them agree."""
         assert self.t is not None
         trial = self._trial
         fits = trial is not None and trial.off(kind, measured, variance) <= self.gate

@@ -1,19 +1,15 @@
-"""Warning before a vehicle is stuck: that it stalls, or that its wheels dig in.
+"""Warning of immobilisation before the vehicle stands.
 
-A wheel that spins at standstill digs its own hole, so the warning has to come while the
-vehicle still moves and can be helped: by a higher hitch, less draft, a lock. Three signs,
-each extrapolated at its present rate to the moment at which the vehicle stands:
+A wheel that spins at standstill digs itself in. So the warning must come while the vehicle still
+moves and the driver can act: raise the hitch, reduce draft, lock the differentials. Three signs
+are extrapolated at their present rate to the time of standstill:
 
-- *stalling*: the ground speed falls although torque goes on as before; the soil holds more
-  than the wheels pull;
-- *digging in*: the wheels speed up while the ground speed falls; the soil has given all its
-  strength, and more torque only moves soil;
-- *sinking*: the wheels go down steadily, and with them resistance goes up.
+- *stalling*: ground speed falls at constant torque, as resistance exceeds gross traction;
+- *digging in*: wheel speed rises while ground speed falls, as the strength of the soil is
+exhausted; - *sinking*: sinkage grows steadily, and motion resistance with it.
 
-And one without a rate: *slipping*, most of the power going into the soil.
-
-Slip is taken of all driven wheels together, as the share of their power that they lose,
-``1 - v*sum(T/r)/sum(T*omega)``.
+A fourth sign has no rate. *Slipping*: most of the power is lost in slip. Slip of all driven wheels
+is the share of power lost, ``1 - v*sum(T/r)/sum(T*omega)``.
 """
 
 import math
@@ -48,30 +44,30 @@ class Reason(Enum):
 
 @dataclass(frozen=True)
 class WarningLimits:
-    """Limits from which on a warning is given; all above 0.
+    """Thresholds of the warnings; all above 0.
 
     Attributes
     ----------
     horizon : float
-        Time to standstill, at the present rate, at which a warning is given, s.
+        Time to standstill at the present rate below which a warning is given, s.
     min_speed : float
         Ground speed below which the vehicle counts as standing, m/s.
     slip : float
-        Share of power lost in slip at which a warning is given, dimensionless.
+        Share of power lost in slip above which a warning is given, dimensionless.
     digging_slip : float
-        Share from which on falling ground and rising wheel speed are digging in.
+        Share above which falling ground speed and rising wheel speed mean digging in.
     mobilised : float
-        Share of the soil's strength at which thrust counts as exhausted, dimensionless; from
-        there on half of `digging_slip` is enough.
+        Gross traction over the strength of the soil above which the strength counts as
+        exhausted, dimensionless; `digging_slip` is then halved.
     effort : float
-        Drive torque over rolling radius as a share of the weight, below which the vehicle is
-        not trying, dimensionless.
+        Drive torque over rolling radius and weight, below which no warning is given,
+        dimensionless.
     sinkage : float
-        Sinkage over radius at which a wheel does not get on any more, dimensionless.
+        Sinkage over radius at which a wheel counts as stuck, dimensionless.
     confirmation : float
-        How long a sign must last, s.
+        Time for which a sign must last, s.
     release : float
-        How long all must be well before a warning is withdrawn, s.
+        Time without signs before a warning is withdrawn, s.
     """
 
     horizon: float = 1.5
@@ -100,7 +96,7 @@ class _Trend:
 
     def follow(self, value: float, share: float, dt: float) -> None:
         if math.isnan(self.value) or not math.isfinite(value):
-            # Where it is not known, nothing is known of its rate either.
+            # An unknown value has no rate.
             self.value, self.rate = value, 0.0
             return
         change = share * (value - self.value)
@@ -109,7 +105,7 @@ class _Trend:
 
 
 class Immobilisation:
-    """Watches speeds, slip, thrust and sinkage, and warns before the vehicle is stuck.
+    """Warning of immobilisation from speeds, slip, traction and sinkage.
 
     Parameters
     ----------
@@ -118,33 +114,32 @@ class Immobilisation:
     weight : float
         Weight of the vehicle, N, above 0.
     limits : WarningLimits
-        When to warn.
+        Thresholds of the warnings.
 
     Attributes
     ----------
     level : Level
-        How near the vehicle is to being stuck.
+        Degree of immobilisation.
     reason : Reason
-        Why, while `level` is not NONE.
+        Cause while `level` is not NONE.
     time_left : float
-        Time until it stands at the present rate, s; infinite where nothing points to that, 0
-        where it is stuck.
+        Time to standstill at the present rate, s; infinite without signs, 0 when stuck.
     slip : float
         Share of the power lost in slip, 0 to 1.
     """
 
     # Time constant of the trends, s: short against the horizon, long against sensor noise and
-    # the lugs' shaking.
+    # vibration from the lugs.
     _TREND = 0.3
-    # Torque goes on while it is at least this share of its largest of the last seconds.
+    # Torque counts as constant while it is at least this share of its maximum of the last seconds.
     _GOES_ON = 0.85
     _TORQUE_MEMORY = 4.0
-    # For so long, s, it must have gone on, until speed and its trend have followed.
+    # Time of constant torque before its effect on speed and trend is complete, s.
     _FOLLOWED = 0.5
-    # Readings further apart than this, s, do not belong together.
+    # Largest interval between readings, s; a longer one restarts the trends.
     _LONGEST_GAP = 0.5
-    # For so long it must stand though torque goes on, s, to count as stuck: it takes as long
-    # to move off.
+    # Time at standstill with torque before the vehicle counts as stuck, s: moving off takes as
+    # long.
     _STANDING = 1.5
 
     def __init__(
@@ -160,20 +155,20 @@ class Immobilisation:
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything: no warning."""
+        """Reset to the initial state: no warning."""
         self.level = Level.NONE
         self.reason = Reason.NONE
         self.time_left = math.inf
         self.slip = 0.0
         self._t: float | None = None
-        self._forget()
+        self._reset_trends()
         self._signs_since: float | None = None
         self._well_since: float | None = None
         self._standing_since: float | None = None
 
-    def _forget(self) -> None:
+    def _reset_trends(self) -> None:
         self._speed, self._rim, self._depth = _Trend(), _Trend(), _Trend()
-        # Of the last seconds, falling: the first is the largest.
+        # Falling torques of the last seconds: the first is the maximum.
         self._pulls: deque[tuple[float, float]] = deque()
         self._goes_on_since = math.inf
 
@@ -186,7 +181,7 @@ class Immobilisation:
         mobilised: float = math.nan,
         sinkage: ArrayLike = math.nan,
     ) -> Level:
-        """Judge a moment.
+        """Update with one reading.
 
         Parameters
         ----------
@@ -199,10 +194,10 @@ class Immobilisation:
         torque : array_like, shape (n,)
             Shaft torques, N·m, forward positive.
         mobilised : float
-            Thrust of all driven wheels as a share of what the soil can give at most,
-            dimensionless; NaN where not known.
+            Gross traction of all driven wheels over the strength of the soil, dimensionless; NaN
+            if unknown.
         sinkage : array_like, shape (n,) or ()
-            Sinkage of every wheel, m; NaN where not known.
+            Sinkage of every wheel, m; NaN if unknown.
 
         Returns
         -------
@@ -212,8 +207,8 @@ class Immobilisation:
         Raises
         ------
         ValueError
-            If a number is not finite (but for `mobilised` and `sinkage`), there are not as many
-            as wheels, or time runs backwards; nothing is taken in then.
+            If a number is not finite (except `mobilised` and `sinkage`), the number of values is
+            wrong, or time runs backwards. The state is then unchanged.
         """
         speeds, torques = self._checked('wheel speed', omega), self._checked('torque', torque)
         if not (math.isfinite(t) and math.isfinite(v)):
@@ -223,10 +218,10 @@ class Immobilisation:
         dt = 0.0 if self._t is None else t - self._t
         self._t = t
         if dt > self._LONGEST_GAP:
-            self._forget()
+            self._reset_trends()
         if math.isinf(self._goes_on_since):
             self._goes_on_since = t
-        # Everything is seen along the pull.
+        # Signs relative to the direction of pull.
         pulls = torques / self._radii
         along = 1.0 if float(pulls.sum()) >= 0 else -1.0
         driven = np.maximum(along * pulls, 0.0)
@@ -239,7 +234,7 @@ class Immobilisation:
             share = 1.0 - math.exp(-dt / self._TREND)
             for trend, value in ((self._speed, speed), (self._rim, rim), (self._depth, depth)):
                 trend.follow(value, share, dt)
-        # Of smoothed speeds: a single reading of a coarse tachometer is no slip.
+        # From smoothed speeds: a single reading of a coarse tachometer is too noisy for slip.
         ahead, turning = self._speed.value, self._rim.value
         self.slip = min(1.0, max(0.0, 1.0 - ahead / turning)) if turning > 0 else 0.0
         while self._pulls and self._pulls[-1][1] <= pull:
@@ -276,7 +271,7 @@ class Immobilisation:
                 self.level, self.reason = Level.WARNING, reason
             return
         self._signs_since = None
-        # What was a warning stays one while it stands, or while it is near.
+        # A warning stays at standstill, and while a sign is near.
         if self.level is Level.NONE or standing or self.time_left < 2.0 * limits.horizon:
             self._well_since = None
         elif self._well_since is None:
@@ -287,7 +282,7 @@ class Immobilisation:
     def _sign(
         self, speed: float, rim: float, trying: bool, goes_on: bool, mobilised: float
     ) -> tuple[Reason, float]:
-        """The most urgent sign, and the time that it leaves."""
+        """Most urgent sign and its time to standstill."""
         limits = self.limits
         found = (Reason.NONE, math.inf)
         if not trying:
@@ -303,10 +298,10 @@ class Immobilisation:
             found = (Reason.STALLING if left < limits.horizon else Reason.NONE, left)
         if self._depth.rate > 0.0:
             below = (limits.sinkage - self._depth.value) / self._depth.rate
-            # On meeting soft soil wheels sink fast, but not for long and not to their axles.
+            # At the edge of soft soil wheels sink fast, but only briefly and not to their axles.
             if below < min(limits.horizon, found[1]) and self._depth.value > limits.sinkage / 2:
                 found = (Reason.SINKING, max(below, 0.0))
-        # Moving off, the vehicle gains speed all the while.
+        # While the vehicle moves off, its speed grows.
         slipping = self.slip >= limits.slip and rim > limits.min_speed and rate <= 0.0
         if found[0] is Reason.NONE and slipping:
             found = (Reason.SLIPPING, found[1])

@@ -1,18 +1,17 @@
-"""Kalman filters for states of which a measurement sees only a few entries.
+"""Kalman filters for measurements that depend on a few entries of the state.
 
-One interface for all methods. A nonlinear function of the state is handed over as its values at
-a few points; the method chooses the points and finds from the values the function's mean, its
-slope and the variance that a straight line leaves over:
+All methods have one interface. `sigma_points` chooses points, the caller evaluates its nonlinear
+function there, and `linearise` returns mean, slope and the variance of the residual:
 
-- ``EKF``: a small step along each entry, which gives the derivative;
-- ``UKF``: the cubature points, ``k`` standard deviations' worth of them either way along the
-  columns of the covariance's Cholesky factor. Mean, slope and rest are those of the line that
-  fits the values best (statistical linear regression), which is the unscented transform of the
-  entries concerned with ``lambda = 0``;
-- ``SCHEDULED_GAIN``: the derivative, too; the covariance comes from a table.
+- ``EKF``: a small step along each entry; the slope is the derivative.
+- ``UKF``: cubature points at +-sqrt(k) along the columns of the Cholesky factor of the covariance
+of
+  k entries. Mean, slope and residual are those of statistical linear regression. This is the
+  unscented transform of these entries with ``lambda = 0``.
+- ``SCHEDULED_GAIN``: the derivative as for ``EKF``; the covariance comes from a table.
 
-Every update is in the Joseph form, which keeps the covariance symmetric and positive whatever
-the gain.
+Updates use the Joseph form, which keeps the covariance symmetric and positive semidefinite for any
+gain.
 
 Sources: S. J. Julier and J. K. Uhlmann, Unscented filtering and nonlinear estimation, Proc. IEEE
 92(3), 2004; T. Lefebvre, H. Bruyninckx and J. De Schutter, Comment on "A new method for the
@@ -36,11 +35,11 @@ class Method(IntEnum):
     Attributes
     ----------
     EKF
-        Extended: derivatives.
+        Extended Kalman filter: derivatives.
     UKF
-        Unscented: regression over points as far out as the state is unknown.
+        Unscented Kalman filter: regression over sigma points.
     SCHEDULED_GAIN
-        Covariance scheduled, computed beforehand, and with it the gains.
+        Filter with a precomputed covariance, interpolated in a table, and its gains.
     """
 
     EKF = 0
@@ -52,7 +51,7 @@ _UKF = int(Method.UKF)
 
 
 def method_named(name: str) -> Method:
-    """Look up a method by its name.
+    """Method of a name.
 
     Parameters
     ----------
@@ -67,7 +66,7 @@ def method_named(name: str) -> Method:
     Raises
     ------
     ValueError
-        Naming the nearest method, if there is none of this name.
+        If there is no such method; the text has the nearest name.
     """
     names = {method.name.lower(): method for method in Method}
     if name not in names:
@@ -77,7 +76,7 @@ def method_named(name: str) -> Method:
 
 @kernel
 def propagate(x, p, transition, noise):
-    """Carry state and covariance through a linear transition, in place.
+    """Predict: linear transition of state and covariance, in place.
 
     Parameters
     ----------
@@ -96,7 +95,7 @@ def propagate(x, p, transition, noise):
 
 @kernel
 def reset_entry(p, entry, variance):
-    """Give up what is known of one entry of the state but its value, in place.
+    """Reset variance and covariances of one entry of the state, in place; its value is kept.
 
     Parameters
     ----------
@@ -114,7 +113,7 @@ def reset_entry(p, entry, variance):
 
 @kernel
 def optimal_gain(p, h, variance, gain):
-    """Gain of a scalar measurement that leaves the least variance.
+    """Gain of minimum variance for a scalar measurement.
 
     Parameters
     ----------
@@ -146,9 +145,9 @@ def optimal_gain(p, h, variance, gain):
 
 @kernel
 def update(x, p, h, gain, innovation, variance):
-    """Update with one scalar measurement by any gain, in place, in the Joseph form.
+    """Update with one scalar measurement and any gain, in place, in the Joseph form.
 
-    ``(I - K*h') * P * (I - K*h')' + K*R*K'`` is worked out as
+    ``(I - K*h') * P * (I - K*h')' + K*R*K'`` is computed as
     ``P - K*(P*h)' - (P*h)*K' + K*(h'*P*h + R)*K'``.
 
     Parameters
@@ -184,7 +183,9 @@ def update(x, p, h, gain, innovation, variance):
 
 @kernel
 def sigma_points(method, x, p, entries, steps, root, points):
-    """Choose the points at which a function of a few entries is to be worked out.
+    """Points for the evaluation of a function of k entries.
+
+    For `UKF` cubature points at +-sqrt(k) along the Cholesky columns, else single steps.
 
     Parameters
     ----------
@@ -225,7 +226,7 @@ def sigma_points(method, x, p, entries, steps, root, points):
             if a == b:
                 root[a, a] = math.sqrt(max(rest, 0.0))
             else:
-                # An entry that is known exactly has no column of its own.
+                # An exactly known entry has a zero column.
                 root[a, b] = rest / root[b, b] if root[b, b] > 0.0 else 0.0
                 root[b, a] = 0.0
     far = math.sqrt(k)
@@ -238,18 +239,18 @@ def sigma_points(method, x, p, entries, steps, root, points):
 
 @kernel
 def linearise(method, values, steps, root, slope):
-    """Find mean, slope and what a line leaves over from a function's values at the points.
+    """Mean, slope and variance of the residual from the values of a function at the points.
 
     Parameters
     ----------
     method : int
-        A `Method`; `sigma_points` chose the points by it.
+        A `Method`, as for `sigma_points`.
     values : ndarray, shape (1 + 2k,)
-        The function at the points, in its unit; as many as there are points.
+        Values of the function at the points, in its unit.
     steps : ndarray, shape (k,)
-        As `sigma_points` was given, in the entries' units.
+        As for `sigma_points`, in the entries' units.
     root : ndarray, shape (k, k)
-        As `sigma_points` left it, in the entries' units.
+        As returned by `sigma_points`, in the entries' units.
     slope : ndarray, shape (k,)
         Out: function per entry, in their units.
 
@@ -271,7 +272,7 @@ def linearise(method, values, steps, root, slope):
     for a in range(2 * k):
         total += (values[1 + a] - mean) ** 2
     rest = total / (2 * k)
-    # Along the columns of the root the state has unit variance; back to entries by root.T.
+    # Slopes along the columns of the root, where the variance is one; root.T maps to the entries.
     for a in range(k - 1, -1, -1):
         along = (values[1 + a] - values[1 + k + a]) / (2.0 * math.sqrt(k))
         rest -= along * along

@@ -1,13 +1,13 @@
-"""Slip-compensated odometry: distance along the path and planar pose, with honest covariance.
+"""Slip-compensated odometry: distance along the path and planar pose, with covariance.
 
-The pose is that of `base_link` in `odom` as of REP 105: x forward and y left of where the
-vehicle started, yaw counter-clockwise; it never jumps and drifts without bound, which its
-covariance tells. Three kinds of error make it grow:
+The pose is that of `base_link` in `odom` (REP 105): x forward and y left of the start, yaw
+counter-clockwise. It is continuous and drifts without bound, and its covariance grows accordingly.
+Three kinds of error are modelled:
 
-- of the speed over ground, which last about half a second (its variance);
-- of its scale (rolling radius, slip that is compensated), which stay, so that what they do to
-  the distance grows with the distance and not with its root;
-- of the yaw rate, from slip that differs between left and right.
+- errors of the speed over ground, correlated over about half a second;
+- constant errors of its scale (rolling radius, slip compensation): the error of the distance grows
+  with the distance, not with its root;
+- errors of the yaw rate from different slip left and right.
 """
 
 import math
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 UNOBSERVED = 1e6
-"""Variance of what is not observed, rad^2 or m^2; finite, as filters want it."""
+"""Variance of an unobserved value, rad^2 or m^2; finite, since other filters require it."""
 
 
 def axle_yaw_rate(
@@ -28,25 +28,25 @@ def axle_yaw_rate(
 ) -> tuple[float, float]:
     """Yaw rate from the wheels of an axle that does not steer.
 
-    Both wheels are taken to slip alike. Slips found from one ground speed for both would not
-    do: that takes the difference of the wheels' speeds for slip.
+    Both wheels are assumed to have the same slip. Slips from one common ground speed cannot be
+    used: they contain the speed difference that the yaw rate causes.
 
     Parameters
     ----------
     left, right : float
-        r*omega, m/s, forward positive.
+        Rim speeds r*omega, m/s, forward positive.
     slip : float
         Mean slip of the two, -1 to 1.
     track_width : float
         Distance between the wheels, m, above 0.
     rim_speed_deviation : float
-        Standard deviation of a rim's speed, m/s, above 0.
+        Standard deviation of a rim speed, m/s, above 0.
 
     Returns
     -------
     rate, variance : float
-        rad/s, counter-clockwise positive, and rad^2/s^2: slip may differ between the two by
-        0.3 of itself and 0.005.
+        rad/s, counter-clockwise positive, and rad^2/s^2. Standard deviation of the difference
+        of slips: 0.3 of the slip, plus 0.005.
 
     Raises
     ------
@@ -74,24 +74,24 @@ class PathOdometry:
     Parameters
     ----------
     slip_share : float
-        Standard deviation of the error of compensated slip, as a share of it, dimensionless,
-        at least 0.
+        Standard deviation of the error of slip compensation, as a share of the slip,
+        dimensionless, at least 0.
 
     Attributes
     ----------
     distance : float
-        Along the path, m, forward positive.
+        Distance along the path, m, forward positive.
     x, y : float
         Position ahead and left of the start, m; while yaw was never observed, x is the
         distance.
     yaw : float
         Heading, rad, counter-clockwise from the start, -pi to pi.
     yaw_observed : bool
-        Whether the yaw rate was known all the way.
+        True if the yaw rate was known since the start.
     """
 
-    # Errors of the speed estimate last about this long, s: they add up like steps of a
-    # random walk of this length. Those of the yaw rate come from ground and load.
+    # Correlation time of the errors of speed and yaw rate, s: they add up like the steps of a
+    # random walk of this period. Errors of the yaw rate come from ground and load.
     _CORRELATION_TIME = 0.5
     _YAW_CORRELATION_TIME = 2.0
 
@@ -103,8 +103,7 @@ class PathOdometry:
         self.x = self.y = self.yaw = 0.0
         self.yaw_observed = True
         self._random = np.zeros((3, 3))
-        # One standard deviation of the lasting error of scale moves the pose, and the
-        # distance, by so much.
+        # Error of pose and distance for one standard deviation of the constant error of scale.
         self._lasting = np.zeros(3)
         self._lasting_distance = 0.0
         self._random_distance = 0.0
@@ -119,7 +118,7 @@ class PathOdometry:
         yaw_rate: float = 0.0,
         yaw_rate_variance: float = math.inf,
     ) -> None:
-        """Move on.
+        """Advance distance and pose by a time step.
 
         Parameters
         ----------
@@ -128,22 +127,22 @@ class PathOdometry:
         v : float
             Speed over ground, m/s, forward positive.
         v_variance : float
-            Variance of its errors that come and go, m^2/s^2, at least 0.
+            Variance of its correlated errors, m^2/s^2, at least 0.
         slip : float
-            Slip compensated in it, -1 to 1; the error of that lasts.
+            Slip compensated in it, -1 to 1; the error of the compensation is constant.
         scale_deviation : float
-            Standard deviation of other lasting errors, as a share of the speed, dimensionless:
-            that of the rolling radius or of the radar's scale.
+            Standard deviation of other constant errors, as a share of the speed, dimensionless:
+            of the rolling radius or the radar's scale.
         yaw_rate : float
             rad/s, counter-clockwise positive.
         yaw_rate_variance : float
-            Its variance, rad^2/s^2; infinite while it is not known.
+            Its variance, rad^2/s^2; infinite if unknown.
 
         Raises
         ------
         ValueError
-            If a number is not one, or a time, variance or deviation is negative; nothing is
-            taken in then.
+            If a number is not finite, or a time, variance or deviation is negative. The state
+            is then unchanged.
         """
         if not all(map(math.isfinite, (dt, v, v_variance, slip, scale_deviation, yaw_rate))):
             raise ValueError(
@@ -162,12 +161,12 @@ class PathOdometry:
         self._random_distance += walk
         self._lasting_distance += lasting
         if not math.isfinite(yaw_rate_variance):
-            # Standing still, it does not turn.
+            # No yaw at standstill.
             self.yaw_observed = self.yaw_observed and step == 0.0
             yaw_rate = yaw_walk = 0.0
         else:
             yaw_walk = 2.0 * self._YAW_CORRELATION_TIME * yaw_rate_variance * dt
-        # Along the chord of the arc.
+        # Chord of the arc.
         middle = self.yaw + 0.5 * yaw_rate * dt
         along = np.array([math.cos(middle), math.sin(middle), 0.0])
         move = np.eye(3)
@@ -181,7 +180,7 @@ class PathOdometry:
 
     @property
     def variance(self) -> float:
-        """Variance of `distance`, m^2, growing."""
+        """Variance of `distance`, m^2; grows monotonically."""
         return self._random_distance + self._lasting_distance**2
 
     @property

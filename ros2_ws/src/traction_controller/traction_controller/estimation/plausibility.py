@@ -1,8 +1,8 @@
-"""Plausibility of tachometers and radar: readings that no wheel and no ground can cause.
+"""Plausibility of readings of tachometers and of speed over ground.
 
-A wheel cannot turn up or down faster than its torque and the ground's grip make it, and a wheel
-that drives is not slower than the ground. What is measured is never the same to the last bit while
-all else changes. Anything beyond that may be slip, and is left to the estimator.
+Physical limits: torque and grip bound the acceleration of a wheel, and a driving wheel is not
+slower than the ground. A measured value that stays the same to the last bit while others change is
+stuck. All other deviations may be slip; the estimator handles them.
 """
 
 import math
@@ -13,16 +13,18 @@ from traction_model.vehicle.vehicle import Vehicle
 
 
 class ImplausibleError(ValueError):
-    """A reading that no vehicle can cause; the text says which and why."""
+    """Physically impossible reading; the text names sensor and reason."""
 
 
 class _Constancy:
-    """Time for which a value is the same to the last bit, weighted by the change of others since.
+    """Time since the last change of a value, weighted by the change of others since then.
 
-    A bus has steps of 1 mm/s, which a slow change needs time to cross.
+    The weight allows for the resolution of a bus, 1 mm/s: a slow change needs time to cross a
+    step.
     """
 
-    # Share that others are off up to which time does not count, and at which it does in full.
+    # Relative change of the others below which time does not count, and above which it counts
+    # fully.
     _MIN_CHANGE = 0.003
     _CHANGE = 0.02
 
@@ -36,7 +38,7 @@ class _Constancy:
     def take(
         self, t: float, value: float, others: Sequence[float], scales: Sequence[float]
     ) -> None:
-        """Take a reading and those of others; their changes count from `scales` up."""
+        """Add a reading and those of others, whose changes are relative to at least `scales`."""
         if value != self._value:
             self._value, self._others = value, others
             self._t, self.readings, self.time = t, 1, 0.0
@@ -52,52 +54,52 @@ class _Constancy:
 
 
 class Plausibility:
-    """Checks readings of tachometers and of speed over ground against each other.
+    """Check of tachometers and speed over ground against physical limits and each other.
 
     Parameters
     ----------
     vehicle : Vehicle
         The vehicle, SI units.
     min_speed : float
-        Speed of rim or vehicle up to which it counts as standing, m/s, above 0.
+        Speed of rim or vehicle below which it counts as standing, m/s, above 0.
     tachometer_pulses : float
         Pulses per turn that the tachometers count; 0 for ideal ones.
     stuck_time : float
-        Time for which a reading may be the same to the last bit while others change, s; 0 for
-        ever. It is for changes of 2 %; for smaller ones it is longer in proportion.
-        Tachometers that count pulses repeat themselves and are not checked for that.
+        Time for which a reading may be the same to the last bit while others change by 2 %, s; 0
+        disables the check. For smaller changes the time is longer in proportion. Tachometers
+        that count pulses repeat values and are not checked.
     """
 
-    # Grip of the ground beyond which nothing is expected, as a share of static load.
+    # Largest grip of the ground, over static load.
     _MAX_GRIP = 1.0
-    # Torque beyond which no engine is, as a multiple of static load times radius, and speed of rim
-    # or ground, m/s: what lies beyond is no measurement.
+    # Largest possible torque, over static load times radius, and largest speed of rim or ground,
+    # m/s.
     _MAX_TORQUE = 10.0
     _MAX_SPEED = 1000.0
-    # Change of speed of a wheel that is always taken, rad/s, and least time that it may have had:
-    # stamps of a bus are those of arrival.
+    # Change of wheel speed that is always accepted, rad/s, and shortest interval assumed for a
+    # change, s, since a bus stamps the time of arrival.
     _SMALL_CHANGE = 0.5
     _MIN_TIME = 0.005
-    # Pull over static load from which on a wheel counts as driving.
+    # Pull over static load above which a wheel counts as driving.
     _DRIVING = 0.05
-    # A driving wheel's rim over the ground's speed, at the least: less is not even a wheel on the
-    # inside of a narrow bend with a wrong radius.
+    # Smallest rim over ground speed of a driving wheel. Narrow bends and wrong radii stay above
+    # it.
     _MIN_RATIO = 0.5
-    # Ground's speed over that of the fastest driving rim, at the most.
+    # Largest ground speed over that of the fastest driving rim.
     _MAX_RATIO = 1.3
-    # How near a reading has to come to the last that was believed, as a share, and for how long
-    # all have to be plausible until they are believed again, s.
+    # Relative distance from the last accepted reading, and time of plausible readings, s, required
+    # before readings are accepted again.
     _NEAR = 0.3
     _TRIAL = 0.2
-    # Age up to which a speed over ground tells whether the vehicle stands, s.
+    # Largest age of a speed over ground for the check of standstill, s.
     _RECENT = 0.5
-    # Speed from which on a change counts as a share of it, m/s.
+    # Speed above which changes are relative to the speed, m/s.
     _SLOW = 1.0
-    # Readings that have to be the same, at the least; some buses repeat five times what they
-    # measure ten times a second.
+    # Smallest number of equal readings of a stuck sensor; some buses repeat a value of 10 Hz five
+    # times.
     _STUCK_READINGS = 8
     _ALL_STUCK_READINGS = 6
-    # Share of `stuck_time` that is enough for all tachometers at once.
+    # Share of `stuck_time` after which all tachometers together count as stuck.
     _ALL_STUCK = 0.1
 
     def __init__(
@@ -124,10 +126,10 @@ class Plausibility:
         self.reset()
 
     def reset(self) -> None:
-        """Forget all readings."""
+        """Clear all readings."""
         self._t: float | None = None
         self._omega: list[float] = []
-        self._believed: list[float] = []
+        self._accepted: list[float] = []
         self._torque: list[float] = []
         self._cause = ''
         self._implausible_t = -math.inf
@@ -139,27 +141,27 @@ class Plausibility:
     def wheels(
         self, t: float, omega: Sequence[float], torque: Sequence[float], v: float = math.nan
     ) -> None:
-        """Check a reading of the wheels; to be called with every one.
+        """Check a reading of the wheels; call it with every reading.
 
-        Once a reading is implausible, those that follow are refused until they are near the
-        last that was believed, or the vehicle stands.
+        After an implausible reading the following ones are rejected until they are near the last
+        accepted one, or the vehicle stands.
 
         Parameters
         ----------
         t : float
-            Time of measurement, s. A reading older than the last is not checked, but refused
+            Time of measurement, s. A reading older than the last is not checked; it is rejected
             while others are.
         omega : sequence of float
             Wheel speeds, rad/s, forward positive.
         torque : sequence of float
             Shaft torques, N·m, forward positive.
         v : float
-            Speed over ground that is expected, m/s; NaN where it is not known.
+            Expected speed over ground, m/s; NaN if unknown.
 
         Raises
         ------
         ImplausibleError
-            Naming the wheel and the reason.
+            If the reading is rejected; the text names wheel and reason.
         """
         if self._t is not None and t <= self._t:
             if self._cause:
@@ -176,7 +178,7 @@ class Plausibility:
                 self._cause = ''
         if self._cause:
             raise ImplausibleError(self._cause)
-        self._believed = self._omega
+        self._accepted = self._omega
 
     def _cause_of(
         self, t: float, omega: Sequence[float], torque: Sequence[float], v: float
@@ -223,23 +225,23 @@ class Plausibility:
         return ''
 
     def _back(self, t: float, omega: Sequence[float]) -> bool:
-        """True where a reading is what it was before the implausible ones, or of a standstill."""
+        """True if a reading is near the last accepted one, or a standstill."""
         rims = [abs(radius * w) for radius, w in zip(self._radii, omega, strict=True)]
         moving = t - self._ground_t <= self._RECENT and abs(self._ground) >= self._min_speed
         if max(rims) < self._min_speed and not moving:
             return True
-        return bool(self._believed) and all(
+        return bool(self._accepted) and all(
             abs(w - before) <= self._NEAR * abs(before) for w, before in
-            zip(omega, self._believed, strict=True)
+            zip(omega, self._accepted, strict=True)
         )  # fmt: skip
 
     def speed(self, sensor: str, t: float, v: float) -> bool:
-        """Check a reading of the speed over ground; to be called with every one.
+        """Check a reading of the speed over ground; call it with every reading.
 
         Parameters
         ----------
         sensor : str
-            Its name.
+            Name of the sensor.
         t : float
             Time of measurement, s.
         v : float
@@ -248,8 +250,8 @@ class Plausibility:
         Returns
         -------
         bool
-            False where it is not to be believed: faster than all wheels while they drive, or
-            than any vehicle, or stuck.
+            False if it is implausible: faster than all wheels while they drive, faster than any
+            vehicle, or stuck.
         """
         if not math.isfinite(v) or self._t is None:
             return True

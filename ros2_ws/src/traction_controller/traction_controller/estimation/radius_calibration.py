@@ -1,8 +1,8 @@
-"""Rolling radii of a vehicle's wheels, calibrated against the best distance over ground there is.
+"""Calibration of a vehicle's rolling radii against the best available distance over ground.
 
-Positions of a satellite receiver are best, its velocity comes next, then the radar: one of them
-is used at a time, and a worse one only after the better ones have been silent. Nothing else
-would tell a radius from slip. What a radar's scale is off, the radii are off too.
+One source is used at a time: positions of a satellite receiver, else its velocity, else the radar.
+A worse source is used only after the better ones have timed out. Without such a source, errors of
+the radius and slip cannot be distinguished. An error of the radar's scale goes into the radii.
 """
 
 import math
@@ -27,28 +27,28 @@ class GroundSource(IntEnum):
 
 
 class RadiusCalibration:
-    """Calibrates the rolling radii of a vehicle.
+    """Calibration of the rolling radii of a vehicle.
 
     Parameters
     ----------
     vehicle : Vehicle
         The vehicle with its nominal radii, SI units.
     ground : FirmGround
-        When and how much a measurement counts.
+        Conditions and deviations of a measurement.
 
     Attributes
     ----------
     radius : ndarray, shape (n,)
-        Radii to use, m: nominal until they are calibrated, then as last calibrated.
+        Radii to use, m: nominal until the first calibration.
     radius_variance : ndarray, shape (n,)
         Their variance, m^2.
     """
 
-    # A better source that has been silent for longer than this, s, is replaced.
+    # Timeout of a source, s, after which a worse one replaces it.
     _SILENCE = 2.0
-    # Readings of the wheels, or of a speed, further apart than this, s, leave out some of the way.
+    # Largest interval between readings of the wheels, or of a speed, for the integration, s.
     _LONGEST_GAP = 0.5
-    # Time that a restart leaves, s: too long for a measurement to go on over it.
+    # Gap after a restart, s: long enough to end a running measurement.
     _RESTART = 10.0
 
     def __init__(self, vehicle: Vehicle, ground: FirmGround = FirmGround()) -> None:
@@ -60,7 +60,7 @@ class RadiusCalibration:
         self.restart()
 
     def restart(self) -> None:
-        """Forget times, as after a clock was set; the radii stay."""
+        """Restart after the clock was set; the radii are kept."""
         n = len(self._loads)
         self._offset = self._advanced + self._RESTART
         self._t = math.nan
@@ -71,12 +71,12 @@ class RadiusCalibration:
         self._broken = True
         self._source: GroundSource | None = None
         self._source_t = -math.inf
-        # Of the sources that give a speed: time s, speed m/s, distance so far m.
+        # For each source of speed: time, s, speed, m/s, distance so far, m.
         self._speeds: dict[GroundSource, tuple[float, float, float]] = {}
 
     @property
     def state(self) -> Calibration:
-        """State of the calibration: that it goes on, or the reason why not."""
+        """State of the calibration: running, or the reason for its pause."""
         return self._rolling.state
 
     def wheels(self, t: float, omega: ArrayLike, gross_traction: ArrayLike) -> None:
@@ -85,11 +85,11 @@ class RadiusCalibration:
         Parameters
         ----------
         t : float
-            Time of measurement, s. Readings that come late are passed over.
+            Time of measurement, s. Late readings are ignored.
         omega : array_like, shape (n,)
             Wheel speeds, rad/s, forward positive.
         gross_traction : array_like, shape (n,)
-            Thrust, N.
+            Gross traction, N.
         """
         dt = t - self._t
         if dt < 0.0:
@@ -104,25 +104,25 @@ class RadiusCalibration:
         self._readings += 1
 
     def fix(self, track: GnssTrack) -> None:
-        """Compare with the track of a satellite receiver, after each of its fixes.
+        """Update with the track of a satellite receiver, after each fix.
 
         Parameters
         ----------
         track : GnssTrack
-            With latency taken out of its time.
+            Track with its latency compensated.
         """
         if track.valid and track.t is not None:
             self._compare(GroundSource.POSITION, track.t, track.distance, track.heading)
 
     def speed(self, source: GroundSource, t: float, v: float) -> None:
-        """Compare with a speed, summed up.
+        """Update with the integral of a speed.
 
         Parameters
         ----------
         source : GroundSource
             `VELOCITY` or `RADAR`.
         t : float
-            Time of measurement, latency taken out, s. What comes late is passed over.
+            Time of measurement, latency compensated, s. Late readings are ignored.
         v : float
             Speed over ground, m/s, forward positive.
         """
@@ -142,7 +142,7 @@ class RadiusCalibration:
         if worse and t - self._source_t <= self._SILENCE:
             return
         if source is not self._source:
-            # Distances of different sources have nothing to do with each other.
+            # Distances of different sources have different origins.
             self._source, self._broken = source, True
         self._source_t = t
         if not self._readings or self._offset + t <= self._advanced:
@@ -151,7 +151,7 @@ class RadiusCalibration:
             distance = math.nan
         self._broken = False
         self._advanced = self._offset + t
-        # How far wheels had turned at that time.
+        # Angles of the wheels at that time.
         angle = self._angle + self._omega * (t - self._t)
         effort = self._efforts / self._readings
         self._efforts = np.zeros(len(self._loads))

@@ -1,15 +1,17 @@
-"""Rolling radius, calibrated while the wheels roll on firm ground with little thrust.
+"""Calibration of the rolling radius on firm ground at low gross traction.
 
-A wheel that pulls nothing rolls: over the ground distance D it turns by the angle D/r, which
-gives its effective rolling radius r. A wheel that pulls slips and turns further, so a radius
-from hard work in the field would hide the slip there. Hence three guards: measurements are taken
-only where thrust is small against the load, motion is steady and straight; each must agree with
-those before; and as thrust can only make a wheel turn further, a measurement below the known
-radius is refused for good, while repeated ones above it show that the radius was learnt too
-small, on soft ground, and start it anew.
+Without traction a wheel turns by the angle D/r over the ground distance D, which gives its
+effective rolling radius r. With traction it slips and turns further. A radius calibrated under
+load would therefore contain the slip. Three conditions prevent this:
 
-The zero condition, rolling without drawbar pull on firm ground, is that of ASABE S296 and
-EP496. What remains is the slip that rolling itself takes there, less than 0.005.
+- measurements are taken only at low gross traction over load, in steady, straight motion;
+- each measurement must agree with the earlier ones;
+- traction can only make a wheel turn further, so a measurement below the known radius is rejected.
+  Repeated measurements above it mean that the radius was calibrated too small, on soft ground; the
+  calibration then restarts.
+
+The zero condition, rolling without drawbar pull on firm ground, is that of ASABE S296 and EP496.
+The remaining slip of a rolling wheel there is less than 0.005.
 """
 
 import math
@@ -23,7 +25,7 @@ Array = NDArray[np.float64]
 
 
 class Calibration(Enum):
-    """State of a calibration: that it goes on, or the reason why not."""
+    """State of a calibration: running, or the reason for its pause."""
 
     CALIBRATING = 'calibrating'
     NO_GROUND_SPEED = 'no ground speed'
@@ -40,24 +42,24 @@ class FirmGround:
     Attributes
     ----------
     min_speed : float
-        Ground speed at least, m/s.
+        Smallest ground speed, m/s.
     largest_effort : float
-        Thrust over load of a wheel at most, dimensionless.
+        Largest gross traction over load of a wheel, dimensionless.
     largest_change : float
-        Change of rim speed over one measurement at most, as a share, dimensionless.
+        Largest relative change of rim speed over one measurement, dimensionless.
     largest_turn : float
-        Change of heading over one measurement at most, rad.
+        Largest change of heading over one measurement, rad.
     stretch : float
         Ground distance of one measurement, m.
     distance : float
         Standard deviation of that distance, m.
     timing : float
-        By how much the stamps of wheels and ground speed may differ, s.
+        Standard deviation of the difference between stamps of wheels and ground speed, s.
     slip : float
-        Standard deviation of the slip there, dimensionless; what all measurements share of it
-        bounds how well the radius can be known.
+        Standard deviation of the slip, dimensionless. It is common to all measurements and
+        limits the accuracy of the radius.
     drift : float
-        Random walk of the radius, as a share, 1 per sqrt(m): tyre pressure, load, wear.
+        Random walk of the relative radius, 1 per sqrt(m): tyre pressure, load, wear.
     """
 
     min_speed: float = 0.5
@@ -78,17 +80,17 @@ class FirmGround:
 
 
 class RollingRadius:
-    """Calibrates the effective rolling radius of wheels against the distance over ground.
+    """Calibration of the effective rolling radius of wheels against the distance over ground.
 
     Parameters
     ----------
     nominal : array_like, shape (n,)
-        Radii to start from, m, above 0: of every wheel, or one for a whole vehicle whose
-        wheels' angles are averaged.
+        Initial radii, m, above 0: of every wheel, or one for a vehicle with averaged wheel
+        angles.
     ground : FirmGround
-        When and how much a measurement counts.
+        Conditions and deviations of a measurement.
     deviation : float
-        Standard deviation of the nominal radii, as a share, above 0, dimensionless.
+        Relative standard deviation of the nominal radii, above 0, dimensionless.
 
     Attributes
     ----------
@@ -97,24 +99,24 @@ class RollingRadius:
     scale_variance : ndarray, shape (n,)
         Its variance, dimensionless.
     state : Calibration
-        What went on at the last call.
+        State after the last call.
     measured : ndarray of int, shape (n,)
-        Number of measurements taken in so far.
+        Number of measurements used so far.
     refused : ndarray of int, shape (n,)
-        Number of measurements refused so far as contradicting the radius.
+        Number of measurements rejected so far because they contradict the radius.
     """
 
-    # A calibration is done at this standard deviation.
+    # Standard deviation of a completed calibration.
     CALIBRATED = 0.01
-    # Readings further apart than this, s, do not belong together.
+    # Largest interval between readings, s; a longer one ends the measurement.
     _LONGEST_GAP = 2.5
-    # Standard deviations beyond which a measurement is refused: above, and below the known
-    # radius, where slip can put it ...
+    # Gate for measurements above and below the known radius, in standard deviations; slip gives
+    # measurements below it.
     _GATE = 3.0
     _GATE_BELOW = 2.0
-    # ... and beyond which it counts no more than one at this limit.
+    # Limit of the influence of a measurement (Huber), in standard deviations.
     _HUBER = 1.5
-    # That many above, one after the other, show that the radius is too small.
+    # Number of consecutive measurements above the gate that show a radius that is too small.
     _TELLING = 3
 
     _slowest: float
@@ -137,7 +139,7 @@ class RollingRadius:
         self.reset()
 
     def reset(self) -> None:
-        """Start from the nominal radii: after other wheels were put on."""
+        """Restart from the nominal radii, for example after a change of wheels."""
         n = self.nominal.size
         self.scale = np.ones(n)
         self.scale_variance = np.full(n, self._deviation**2)
@@ -158,7 +160,7 @@ class RollingRadius:
 
     @property
     def calibrated(self) -> NDArray[np.bool_]:
-        """True where a radius is known to 1 % (standard deviation), shape (n,)."""
+        """True if the standard deviation of a radius is below 1 %, shape (n,)."""
         return np.asarray(self.scale_variance <= self.CALIBRATED**2)
 
     def advance(
@@ -171,28 +173,28 @@ class RollingRadius:
     ) -> None:
         """Update with the angle of the wheels and the distance of the vehicle.
 
-        To be called at every reading of the ground speed or position.
+        Call it at every reading of ground speed or position.
 
         Parameters
         ----------
         t : float
             Time, s.
         angle : array_like, shape (n,)
-            Angle that each wheel has turned since some moment, rad, at that time.
+            Angle of each wheel at that time, from any origin, rad.
         distance : float
-            Distance over ground since some moment, m, at that time; NaN while not known.
+            Distance over ground at that time, from any origin, m; NaN if unknown.
         effort : array_like, shape (n,) or ()
-            Thrust over load of each wheel, or of all, since the last call, dimensionless; or
-            another measure of pull, with a `largest_effort` that fits. NaN where not known:
-            such a wheel is not calibrated.
+            Gross traction over load of each wheel, or of all, since the last call,
+            dimensionless; or another measure of pull with a matching `largest_effort`. A wheel
+            with NaN is not calibrated.
         heading : float
-            Heading, rad; NaN where not known, then driving counts as straight.
+            Heading, rad; NaN if unknown: motion then counts as straight.
 
         Raises
         ------
         ValueError
-            If there are not as many angles as radii, an angle or time is not finite, or time
-            runs backwards; nothing is taken in then.
+            If the number of angles is wrong, an angle or time is not finite, or time runs
+            backwards. The state is then unchanged.
         """
         n = self.nominal.size
         turned = np.asarray(angle, dtype=float)
@@ -212,14 +214,14 @@ class RollingRadius:
         if abs(covered) < self.ground.min_speed * dt:
             self._break_off(Calibration.TOO_SLOW)
             return
-        # Written so that NaN is no small effort.
+        # False for NaN, too.
         self._rolling &= np.abs(efforts) <= self.ground.largest_effort
         if not np.any(self._rolling):
             self._break_off(Calibration.PULLING)
             return
         rim = float(np.mean(np.abs(rolled) * self.nominal)) / dt
         if self._length == 0.0:
-            # Of the interval before, that is, where there was one.
+            # Effort of the previous interval, if there is one.
             self._first_rim = rim if math.isnan(self._rim) else self._rim
         self._rim = rim
         self._slowest = min(self._slowest, rim)
@@ -241,7 +243,7 @@ class RollingRadius:
             self._begin()
 
     def _begin(self) -> None:
-        """Begin a measurement."""
+        """Start a measurement."""
         n = self.nominal.size
         self._rolled = np.zeros(n)
         self._length = 0.0
@@ -258,13 +260,13 @@ class RollingRadius:
     def _measure(self, last_rim: float) -> None:
         ground = self.ground
         length = abs(self._length)
-        # Wheels and ground seen at different times: an error while speed changes.
+        # Different times of wheel and ground readings give an error while speed changes.
         shifted = ground.timing * abs(last_rim - self._first_rim)
         variance = (ground.distance**2 + shifted**2) / length**2 + ground.slip**2
         for j in np.flatnonzero(self._rolling):
             self.scale_variance[j] += ground.drift**2 * length
             if self._rolled[j] * self._length <= 0.0:
-                # A wheel that stands or turns against the motion does not roll.
+                # A wheel at standstill, or turning against the motion, does not roll.
                 self.refused[j] += 1
                 continue
             off = self._length / (self.nominal[j] * self._rolled[j]) - self.scale[j]
@@ -278,12 +280,12 @@ class RollingRadius:
                 self.scale_variance[j] = self._deviation**2
                 total = self.scale_variance[j] + variance
             self._above[j] = 0
-            # Huber's function: what is far off counts no more than what is nearer.
+            # Huber function: limits the influence of outliers.
             spread = self._HUBER * math.sqrt(total)
             off = min(max(off, -spread), spread)
             gain = self.scale_variance[j] / total
             self.scale[j] += gain * off
-            # Slip there is alike from measurement to measurement: it does not average out.
+            # Slip is common to all measurements, so it does not average out.
             left = (1 - gain) ** 2 * self.scale_variance[j] + gain**2 * variance
             self.scale_variance[j] = max(left, ground.slip**2)
             self.measured[j] += 1

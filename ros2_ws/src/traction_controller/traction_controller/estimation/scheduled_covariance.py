@@ -1,11 +1,10 @@
-"""Covariance of the slip filter computed beforehand, over what the vehicle is doing.
+"""Precomputed covariance of the slip filter over scheduling parameters.
 
-How well speed and soil are known depends on the speed, on the slip, on how long the speed has not
-been measured and on how long ago the soil changed. For a grid of these the extended filter's
-covariance is computed as it drives steadily on the nominal soil with a reading of the wheels
-every 10 ms and one of the speed every 100 ms. In between it is interpolated linearly, along the
-logarithms of speed and times. A filter that looks it up at every reading has gains that these
-parameters alone schedule: what it has measured changes its state, not its gains.
+Scheduling parameters are speed, slip, time since the speed was measured, and time since the soil
+changed. At each point of a grid the covariance of the extended Kalman filter is computed for
+steady driving on the nominal soil, with readings of the wheels every 10 ms and of the speed every
+100 ms. Between grid points it is interpolated linearly over slip and the logarithms of speed and
+times. So the gains depend only on these parameters, not on the measurements.
 """
 
 import math
@@ -22,8 +21,8 @@ from traction_controller.estimation.filter_step import (
     WHEEL_MEMORY,
     Body,
     Noise,
-    begin,
-    doubt_soil,
+    initialise,
+    reset_soil,
     update_speed,
     update_wheels,
 )
@@ -40,28 +39,28 @@ SLIPS = (0.03, 0.12, 0.3)
 SILENCES = (0.1, 0.5, 1.5, 4.0)
 """Times since the speed was measured, s."""
 AGES = (0.05, 0.3, 1.0, 3.0, 10.0)
-"""Times since the soil changed, s; beyond the last it counts as learnt."""
+"""Times since the soil changed, s; the covariance is constant beyond the last."""
 WHEEL_PERIOD, SPEED_PERIOD = 0.01, 0.1
-"""From reading to reading of the wheels, and of the speed, s."""
+"""Periods of the readings of the wheels, and of the speed, s."""
 OLD = 30.0
-"""Age of the soil that was never seen to change, s, and how long it is driven on first."""
+"""Age of a soil that never changed, s, and time driven on it before a change, s."""
 
 
 class ScheduledCovariance:
-    """Covariance over speed, slip, silence and age of the soil.
+    """Covariance over speed, slip, time without measured speed, and time since a change of soil.
 
     Parameters
     ----------
     body : Body
         Vehicle and nominal soil.
     noise : Noise
-        The filter's.
+        Noise of the filter.
     speed_variance : float
         Variance of a measured speed, m^2/s^2, above 0.
     unknown_drawbar : float
-        Standard deviation of the drawbar at first, N.
+        Initial standard deviation of the drawbar, N.
     nominal : float
-        How much of a change of soil the nominal soil is off, dimensionless.
+        Initial deviation of the soil factors, as a share of that after a change, dimensionless.
     """
 
     def __init__(
@@ -86,7 +85,7 @@ class ScheduledCovariance:
     def look_up(
         self, v: float, slipping: float, silence: float, age: float, p: NDArray[np.float64]
     ) -> None:
-        """Find the covariance that belongs to a state of the vehicle.
+        """Interpolate the covariance.
 
         Parameters
         ----------
@@ -108,19 +107,19 @@ class ScheduledCovariance:
     def _fill(self, table: NDArray[np.float64], v: float, slipping: float) -> None:
         """Compute the covariances at one speed and slip, shape (silences, ages, m, m)."""
         drive = _SteadyDrive(self._body, self._noise, self._speed_variance, v, slipping)
-        drive.begin(*self._start)
-        drive.on(OLD / 3)
+        drive.initialise(*self._start)
+        drive.drive(OLD / 3)
         drive.record(table[:, -1])
         drive.change_soil()
         past = 0.0
         for k, age in enumerate(AGES):
-            drive.on(age - past)
+            drive.drive(age - past)
             past = age
             drive.record(table[:, k])
 
 
 class _SteadyDrive:
-    """The extended filter while nothing but its covariance changes."""
+    """Extended Kalman filter in steady driving; only its covariance changes."""
 
     def __init__(
         self, body: Body, noise: Noise, speed_variance: float, v: float, slipping: float
@@ -131,7 +130,7 @@ class _SteadyDrive:
         self._x, self._p = np.zeros(m), np.zeros((m, m))
         self._wheel_memory = np.zeros(n, WHEEL_MEMORY)
         self._vehicle_memory = np.zeros(1, VEHICLE_MEMORY)
-        # Each on fresh soil.
+        # Every wheel on undisturbed soil.
         self._ruts = fresh_ruts(0, 0.0)
         wheels = body.wheels.copy()
         wheels[:, TRACK] = -1.0
@@ -148,8 +147,8 @@ class _SteadyDrive:
             self._drawbar += moment / wheel[RADIUS] - resistance
             self._wheel_memory['resistance'][j] = resistance
 
-    def begin(self, unknown_drawbar: float, nominal: float) -> None:
-        begin(
+    def initialise(self, unknown_drawbar: float, nominal: float) -> None:
+        initialise(
             0.0, self._omega, self._torque, self._x, self._p, self._wheel_memory,
             self._vehicle_memory, self._body, self._noise,
         )  # fmt: skip
@@ -157,7 +156,7 @@ class _SteadyDrive:
         self._p[SPEED, SPEED] = self._speed_variance
         self._p[DRAWBAR, DRAWBAR] = unknown_drawbar**2
         for j in range(len(self._omega)):
-            doubt_soil(self._x, self._p, j, self._body.changed * nominal**2, False)
+            reset_soil(self._x, self._p, j, self._body.changed * nominal**2, False)
         self._wheel_memory['held_until'] = -1.0
         self._vehicle_memory['travelled'] = 1e3
         self._vehicle_memory['soil_changed_at'] = -math.inf
@@ -165,16 +164,16 @@ class _SteadyDrive:
 
     def change_soil(self) -> None:
         for j in range(len(self._omega)):
-            doubt_soil(self._x, self._p, j, self._body.changed, False)
+            reset_soil(self._x, self._p, j, self._body.changed, False)
         self._wheel_memory['held_until'] = self._vehicle_memory['travelled']
         self._vehicle_memory['soil_changed_at'] = self._vehicle_memory['time']
 
-    def on(self, time: float, measured: bool = True) -> None:
-        """Drive on for a time."""
+    def drive(self, time: float, measured: bool = True) -> None:
+        """Continue the steady drive for a time."""
         every = round(SPEED_PERIOD / WHEEL_PERIOD)
         steps = round(time / WHEEL_PERIOD)
         for k in range(steps):
-            # Only the covariance is wanted: the state stays where it is.
+            # Restore the state: only the covariance is needed.
             self._x[SPEED], self._x[DRAWBAR] = self._v, self._drawbar
             self._x[FIRST_WHEEL:] = 0.0
             update_wheels(
@@ -186,11 +185,11 @@ class _SteadyDrive:
                 update_speed(self._x, self._p, self._v, self._speed_variance)
 
     def record(self, table: NDArray[np.float64]) -> None:
-        """Note the covariance now, and as it grows while the speed is not measured."""
+        """Store the covariance now, and its growth without measured speed."""
         kept = [part.copy() for part in self._state]
         table[0] = self._p
         for k in range(1, len(SILENCES)):
-            self.on(SILENCES[k] - SILENCES[k - 1], measured=False)
+            self.drive(SILENCES[k] - SILENCES[k - 1], measured=False)
             table[k] = self._p
         for part, copy in zip(self._state, kept, strict=True):
             part[:] = copy

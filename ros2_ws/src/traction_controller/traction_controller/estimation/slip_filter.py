@@ -1,11 +1,11 @@
 """Slip filter: slip, speed and soil from tachometers, shaft torque, radar and satellite speed.
 
-The filter itself is `traction_controller.estimation.filter_step`; here are its constructor, its
-history and what is read from it. Measurements belong to their stamp, less the latency of their
-sensor. A speed belongs to the newest reading of the wheels that is not younger than it, and is
-compared with what that reading and its acceleration give for its time. State is kept for every
-reading of the last second: what comes late or out of order is put in its place and all after it is
-repeated, so that the estimate is the same as if it had come in time.
+`traction_controller.estimation.filter_step` has the filter's equations. This module has its
+construction, history and outputs. The time of a measurement is its stamp less the latency of its
+sensor. A measured speed is assigned to the newest reading of the wheels that is not younger, and
+compared with the speed extrapolated from that reading to its time. The state before every reading
+of the last second is kept. A late measurement is inserted at its time and all later updates are
+repeated, so the estimate does not depend on the order of arrival.
 """
 
 import copy
@@ -26,15 +26,15 @@ from traction_controller.estimation.filter_step import (
     SHEAR_MODULUS,
     SINKAGE_MODULUS,
     SPEED,
-    START_DOUBT,
+    START_EXTRA,
     START_LENGTH,
     STRENGTH,
     VEHICLE_MEMORY,
     WHEEL_MEMORY,
     Body,
     Noise,
-    begin,
-    doubt_soil,
+    initialise,
+    reset_soil,
     update_speed,
     update_wheels,
 )
@@ -79,13 +79,12 @@ class EstimatorNoise:
     strength, shear_modulus, sinkage_modulus : float
         Standard deviation of these logarithms where the soil has changed, dimensionless.
     nominal : float
-        How much of that the nominal soil is off when the estimate starts, dimensionless.
+        Initial standard deviation for the nominal soil, as a share of these, dimensionless.
     gross_traction : float
-        Standard deviation of a wheel's moment over its radius, as a share of its static
-        load, dimensionless.
+        Standard deviation of a wheel's moment over radius and static load, dimensionless.
     slip : float
         Standard deviation of the slip at which a moment is reached, dimensionless: errors
-        of rolling radius and of the curve's shape, which matter most where it is steep.
+        of rolling radius and shape of the curve, largest in effect where the curve is steep.
     wheel_speed : float
         Standard deviation of a reading of a tachometer without pulses, rad/s.
     wheel_acceleration : float
@@ -113,23 +112,24 @@ class EstimatorNoise:
 
 
 GUESSED_SOIL = EstimatorNoise(strength=0.3, nominal=1.0, soil=0.03)
-"""For a nominal soil that is only a guess, with tau_max, K and n unknown by 50 %."""
+"""Noise for a rough nominal soil, with tau_max, K and n uncertain by 50 %."""
 
-# Correlation of the logarithms of strength, shear deformation modulus and sinkage modulus from
-# soil to soil: what bears less is weaker, and gives way further until its strength is mobilised.
+# Correlation of the logarithms of strength, shear deformation modulus and sinkage modulus between
+# soils: soils of lower bearing capacity have lower strength and a larger shear deformation
+# modulus.
 CORRELATION = np.array([[1.0, -0.4, 0.5], [-0.4, 1.0, -0.7], [0.5, -0.7, 1.0]])
-# Up to which standard deviation of its logarithm a wheel's tau_max counts as known.
+# Largest standard deviation of the logarithm of tau_max at which it counts as known.
 STRENGTH_KNOWN = 0.15
-# Share of the sinkage that the quasi-static model leaves open, one standard deviation.
+# Standard deviation of the quasi-static model, as a share of the sinkage.
 SINKAGE_OPEN = 0.1
-# Least slope of moment over slip, as share of radius and load.
+# Smallest slope of moment over slip, over radius and load.
 MIN_STIFFNESS = 0.05
-# Change of rolling radius, as a share, beyond which what was learnt of the soil is not kept.
+# Relative change of rolling radius above which the soil factors are reset.
 OTHER_RADIUS = 0.01
 
 
 class WheelReading:
-    """A reading of the wheels, the speeds that belong to it, and the state before it.
+    """A reading of the wheels, the speeds assigned to it, and the state before it.
 
     Parameters
     ----------
@@ -143,38 +143,38 @@ class WheelReading:
         self.t = 0.0
         self.omega = np.zeros(n)
         self.torque = np.zeros(n)
-        # Each: time s, sensor, speed m/s, variance m^2/s^2.
+        # Tuples: time, s; sensor; speed, m/s; variance, m^2/s^2.
         self.speeds: list[tuple[float, int, float, float]] = []
         self.before = np.zeros(size)
         self.newest = np.zeros(tracks, dtype=np.int64)
 
 
 class SlipFilter:
-    """Estimates slip, ground speed and soil from tachometers, torque and ground speed sensors.
+    """Estimator of slip, ground speed and soil from tachometers, torque and ground speed sensors.
 
     Parameters
     ----------
     vehicle : Vehicle
         The vehicle, SI units.
     soil : Soil
-        Nominal soil: what is expected until a wheel tells otherwise.
+        Nominal soil: initial value of the estimated soil.
     noise : EstimatorNoise
-        How far the model is trusted.
+        Process and measurement noise.
     min_speed : float
         Speed of rim or vehicle below which slip is not valid, m/s, above 0.
     radar_timeout : float
-        Silence of radar and satellite receiver after which the ground speed no longer counts as
-        measured, s, above 0.
+        Time without readings of radar and satellite receiver after which the ground speed no
+        longer counts as measured, s, above 0.
     radar_variance : float
-        Variance of a measured speed that does not state one, m^2/s^2, above 0.
+        Default variance of a measured speed, m^2/s^2, above 0.
     method : {'ekf', 'ukf', 'scheduled_gain'}
         Kalman filter: extended, unscented, or with scheduled gains.
     tachometer_pulses : float
         Pulses per turn that the tachometers count, at least 0; 0 for an ideal tachometer.
     radar_latency, gnss_latency : float
-        Time by which stamps are later than what they stamp, s, 0 to 0.5.
+        Delay of stamps after the time of measurement, s, 0 to 0.5.
     radar_min_speed : float
-        Speed below which the radar is blind and its readings are none, m/s, at least 0.
+        Smallest speed that the radar measures, m/s, at least 0; lower readings are ignored.
 
     Attributes
     ----------
@@ -183,34 +183,34 @@ class SlipFilter:
     slip, slip_variance : ndarray, shape (n,)
         Slip of every wheel, -1 to 1, and its variance.
     valid : ndarray of bool, shape (n,)
-        Whether each slip means anything.
+        True if a slip can be used.
     rim_speed : ndarray, shape (n,)
         r*omega, m/s.
     gross_traction : ndarray, shape (n,)
-        Thrust from shaft torque, N.
+        Gross traction from shaft torque, N.
 
     Raises
     ------
     ValueError
-        Naming what is out of its range.
+        If a value is out of its range.
     """
 
-    # A longer time between readings of the wheels, or between wheels and a speed, s, means that
-    # one of them was away or that a clock was set.
+    # Largest interval between readings of the wheels, or between wheels and a speed, s. A longer
+    # one means a dropout, or that a clock was set.
     LONGEST_GAP = 0.5
-    # How long readings are kept, for those that come late, s.
+    # Length of the history for late readings, s.
     HISTORY = 1.0
-    # Stamps closer than this are the same, s.
+    # Stamps closer than this count as equal, s.
     _SAME = 1e-6
-    # Innovations beyond this many standard deviations are not believed ...
+    # Gate for the innovation of a measured speed, in standard deviations.
     _GATE = 5.0
-    # ... unless so many in a row agree with each other, to within that many standard deviations
-    # of two readings and what the vehicle may speed up, m/s^2, meanwhile: then it is the estimate
-    # that is wrong.
+    # Number of consecutive rejected readings that must agree with each other before the estimate
+    # is reset to them; tolerance in standard deviations of two readings, plus the change of speed
+    # at this acceleration, m/s^2.
     _AGREEING = 3
     _LARGEST_ACCELERATION = 5.0
-    # Weight of the newest speed in the mean innovation, and how large that mean may grow, in
-    # standard deviations of one innovation (a sixth of which is its own).
+    # Weight of the newest speed in the mean innovation, and limit of that mean, in standard
+    # deviations of one innovation (white innovations give it a sixth of this).
     _INNOVATION_SHARE = 0.05
     _INNOVATION_LIMIT = 0.8
     # Ground speed is valid up to this standard deviation, m/s.
@@ -257,7 +257,7 @@ class SlipFilter:
         self._method = int(method_named(method))
         self._latency = (radar_latency, gnss_latency)
 
-        # A single axle runs in no other's rut.
+        # A vehicle with a single axle does not run in a rut of its own.
         self._wheels = vehicle.packed_wheels(in_ruts=len(vehicle.axles) > 1)
         loads = vehicle.static_loads()
         cg_x, cg_height = vehicle.centre_of_gravity
@@ -292,11 +292,11 @@ class SlipFilter:
             strengths.append(soil.max_shear_stress(load / (wheel.width * length)))
         self._strengths = np.array(strengths)
         self._shear_modulus = float(soil.shear_deformation_modulus)
-        # Until contact is quasi-static, see `traction_controller.estimation.filter_step`.
+        # Distance until contact is quasi-static, see `traction_controller.estimation.filter_step`.
         self._settling = (
-            2 * START_LENGTH * math.log(START_DOUBT) * float(self._wheels[:, RADIUS].max())
+            2 * START_LENGTH * math.log(START_EXTRA) * float(self._wheels[:, RADIUS].max())
         )
-        # What holds the vehicle back is at first unknown by 0.3 of its weight.
+        # Initial standard deviation of the drawbar: 0.3 of the weight.
         self._unknown_drawbar = 0.3 * float(loads.sum())
 
         self._allot()
@@ -308,7 +308,7 @@ class SlipFilter:
             )
 
     def _allot(self) -> None:
-        """Put all that changes into one array, so that it is kept and restored at once."""
+        """Allocate the whole state as one array, so that one copy saves or restores it."""
         n = len(self._wheels)
         m = FIRST_WHEEL + PER_WHEEL * n
         ruts = fresh_ruts(
@@ -328,12 +328,12 @@ class SlipFilter:
             align=True,
         )
         state = np.zeros(1, layout)
-        # The same memory as plain numbers, which are copied fastest.
+        # The same memory as plain numbers, which copy fastest.
         self._state = state.view(float)
         self._x, self._p = state['x'][0], state['p'][0]
         self._wheel_memory = state['wheels'][0]
         self._vehicle_memory = state['vehicle'][0]
-        # The same memory, read and written by the names of its fields.
+        # The same memory with named fields.
         self._trip: Any = self._vehicle_memory[0]
         self._fresh = ruts.newest.copy()
         self._ruts = Ruts(
@@ -346,7 +346,7 @@ class SlipFilter:
         self._spare: list[WheelReading] = []
 
     def __deepcopy__(self, memo: dict[int, Any]) -> 'SlipFilter':
-        # A plain copy would tear apart what lies in one array.
+        # The default deep copy would separate the views of the one array.
         other = copy.copy(self)
         memo[id(self)] = other
         other._allot()
@@ -363,16 +363,16 @@ class SlipFilter:
         return len(self._wheels)
 
     def reset(self) -> None:
-        """Forget everything measured: at rest, on the nominal soil."""
+        """Reset to the initial state: at rest, on the nominal soil."""
         n = self.n_wheels
         self.t: float | None = None
         self._state[:] = 0.0
         self._ruts.newest[:] = self._fresh
-        # Speed is found with the first reading of the wheels.
+        # The first reading of the wheels sets the speed.
         self._p[SPEED, SPEED] = 1.0
         self._p[DRAWBAR, DRAWBAR] = self._unknown_drawbar**2
         for j in range(n):
-            doubt_soil(self._x, self._p, j, self._body.changed * self.noise.nominal**2, False)
+            reset_soil(self._x, self._p, j, self._body.changed * self.noise.nominal**2, False)
         self._wheel_memory['held_until'] = -1.0
         self._trip['soil_changed_at'] = -math.inf
         self._trip['speed_time'] = -math.inf
@@ -385,35 +385,35 @@ class SlipFilter:
 
     @property
     def rolling_radius(self) -> NDArray[np.float64]:
-        """Rolling radius of every wheel, m, shape (n,); that of the vehicle until set."""
+        """Rolling radius of every wheel, m, shape (n,); initially that of the vehicle."""
         return self._wheels[:, RADIUS].copy()
 
     def set_rolling_radius(self, radius: ArrayLike) -> None:
-        """Compute rim speed, slip and thrust with other rolling radii from now on.
+        """Set the rolling radii for rim speed, slip and gross traction.
 
-        A wheel whose radius changes by more than 1 % starts from the nominal soil: what was
-        learnt with a wrong slip is wrong too. `reset` keeps the radii.
+        A change by more than 1 % resets the soil factors of the wheel, since they were estimated
+        with a wrong slip. `reset` keeps the radii.
 
         Parameters
         ----------
         radius : array_like, shape (n,)
-            m, above 0.
+            Rolling radii, m, above 0.
 
         Raises
         ------
         ValueError
-            If there is not a radius above 0 for every wheel; nothing changes then.
+            If there is not a radius above 0 for every wheel. The radii are then unchanged.
         """
         radii = self.checked('rolling radius', radius)
         if np.any(radii <= 0.0):
             raise ValueError(f'rolling radius must be above 0 m, got {radii.tolist()}')
         changed = np.abs(radii / self._wheels[:, RADIUS] - 1.0) > OTHER_RADIUS
-        # Not in place: copies of this estimate have radii of their own.
+        # Not in place: copies of this estimator keep their radii.
         self._wheels = self._wheels.copy()
         self._wheels[:, RADIUS] = radii
         self._body = self._body._replace(wheels=self._wheels)
         for j in np.flatnonzero(changed):
-            doubt_soil(self._x, self._p, j, self._body.changed, False)
+            reset_soil(self._x, self._p, j, self._body.changed, False)
         self._derive()
 
     @property
@@ -428,12 +428,12 @@ class SlipFilter:
 
     @property
     def v_valid(self) -> bool:
-        """True where `v` is known to better than 0.5 m/s (standard deviation)."""
+        """True if the standard deviation of `v` is below 0.5 m/s."""
         return self.t is not None and self.v_variance < self._LARGEST_DEVIATION**2
 
     @property
     def source(self) -> Source:
-        """Source of `v` at present."""
+        """Present source of `v`."""
         silent = self.t is None or self.t - self._trip['speed_time'] > self.radar_timeout + 1e-9
         return Source.WHEEL if silent else Source.BLENDED
 
@@ -444,9 +444,9 @@ class SlipFilter:
 
     @property
     def external_resistance(self) -> float:
-        """All that holds the vehicle back, N, positive against forward motion.
+        """Sum of all resistances, N, positive against forward motion.
 
-        Motion resistance of the wheels, drawbar, grade and air.
+        Motion resistance of the wheels, drawbar pull, grade and air drag.
         """
         return float(self._x[DRAWBAR] + self._wheel_memory['resistance'].sum())
 
@@ -464,13 +464,13 @@ class SlipFilter:
         return float(slope @ self._p @ slope)
 
     def _factor(self, which: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Logarithm of one of the soil's factors at every wheel, and its variance."""
+        """Logarithm of one soil factor at every wheel, and its variance."""
         entries = slice(FIRST_WHEEL + which, None, PER_WHEEL)
         return self._x[entries], np.diag(self._p)[entries]
 
     @property
     def max_shear_stress(self) -> NDArray[np.float64]:
-        """tau_max over the nominal contact area of every wheel, Pa, shape (n,).
+        """Shear strength tau_max under every wheel, Pa, shape (n,).
 
         ``c + (W/A)*tan(phi)`` with the static load W and the area A on the nominal soil.
         """
@@ -483,7 +483,7 @@ class SlipFilter:
 
     @property
     def shear_deformation_modulus(self) -> NDArray[np.float64]:
-        """K of the soil under every wheel, m, shape (n,)."""
+        """Shear deformation modulus K under every wheel, m, shape (n,)."""
         return np.asarray(self._shear_modulus * np.exp(self._factor(SHEAR_MODULUS)[0]))
 
     @property
@@ -493,7 +493,7 @@ class SlipFilter:
 
     @property
     def sinkage(self) -> NDArray[np.float64]:
-        """Sinkage of every wheel at which the estimated soil carries its load, m, shape (n,).
+        """Sinkage of every wheel on the estimated soil, m, shape (n,).
 
         NaN until the wheel has moved.
         """
@@ -508,15 +508,15 @@ class SlipFilter:
 
     @property
     def strength_known(self) -> NDArray[np.bool_]:
-        """True where tau_max of a wheel is known to 15 %, shape (n,)."""
+        """True if the standard deviation of tau_max under a wheel is below 15 %, shape (n,)."""
         return np.asarray(self._factor(STRENGTH)[1] < STRENGTH_KNOWN**2)
 
     @property
     def mobilisation(self) -> float:
-        """Thrust of all wheels as a share of the soil's strength under them, dimensionless.
+        """Gross traction of all wheels over the strength of the soil under them, dimensionless.
 
-        NaN where the strength under a wheel is not known. Strength is ``tau_max*A`` with the
-        static load and the area on the nominal soil.
+        NaN if the strength under a wheel is unknown. The strength is ``tau_max*A`` with static
+        load and area on the nominal soil.
         """
         if not np.all(self.strength_known):
             return math.nan
@@ -525,9 +525,9 @@ class SlipFilter:
 
     @property
     def slip_stiffness(self) -> NDArray[np.float64]:
-        """Slope of thrust over slip at the present slip of every wheel, N, shape (n,).
+        """Slope of gross traction over slip at the present slip of every wheel, N, shape (n,).
 
-        At standstill, that at no slip of a flat plate on the estimated soil.
+        At standstill: the slope at zero slip of a flat plate on the estimated soil.
         """
         stiffness = (
             self.max_shear_stress
@@ -539,7 +539,7 @@ class SlipFilter:
         for j, rim in enumerate(self.rim_speed):
             slope = self._wheel_memory['moment_slope'][j]
             if slope != 0.0:
-                # Slip over v: -1/rim when driving, -rim/v^2 when braking.
+                # d(slip)/dv: -1/rim when driving, -rim/v^2 when braking.
                 per_slip = abs(rim) if abs(rim) >= abs(v) else v * v / max(abs(rim), 1e-3)
                 load = self._wheels[j, STATIC_LOAD]
                 stiffness[j] = max(
@@ -553,8 +553,8 @@ class SlipFilter:
         Parameters
         ----------
         t : float
-            Time of measurement, s. A reading that comes after a younger one is put in its
-            place if it is less than half a second older.
+            Time of measurement, s. A reading after a younger one is inserted at its time if it is
+            less than half a second older.
         omega : array_like, shape (n,)
             Wheel speeds, rad/s, forward positive.
         torque : array_like, shape (n,)
@@ -563,8 +563,8 @@ class SlipFilter:
         Raises
         ------
         ValueError
-            If a number is not finite, their count is not that of the wheels, or the reading is
-            too old; nothing is taken in then.
+            If a number is not finite, the number of values is wrong, or the reading is too old.
+            The estimate is then unchanged.
         """
         omega = self.checked('wheel speed', omega)
         torque = self.checked('shaft torque', torque)
@@ -574,7 +574,7 @@ class SlipFilter:
             if t < self.t and (self.t - t > self.LONGEST_GAP or t <= self._readings[0].t):
                 raise ValueError(f'time runs backwards: {t:.6f} s after {self.t:.6f} s')
             if t - self.t > self.LONGEST_GAP:
-                # Whatever happened meanwhile, it is not known.
+                # Unknown motion during a dropout.
                 self.reset()
         reading = (
             self._spare.pop()
@@ -605,25 +605,25 @@ class SlipFilter:
         Parameters
         ----------
         t : float
-            Its stamp, s: `radar_latency` later than the measurement.
+            Stamp, s: `radar_latency` after the time of measurement.
         v : float
             Speed over ground, m/s, forward positive.
         variance : float
-            Its variance, m^2/s^2; 0 stands for `radar_variance`.
+            Variance, m^2/s^2; 0 means `radar_variance`.
 
         Returns
         -------
         bool
-            False where the reading was not believed: more than five standard deviations
-            from what is expected. Where three in a row agree with each other, the estimate is
-            given up for the third. False too where it is none, below `radar_min_speed`, and
-            where it is older than all readings of the wheels.
+            False if the reading was rejected: its innovation is above five standard deviations.
+            If three consecutive readings agree with each other, the estimate is reset to the
+            third. Also false below `radar_min_speed`, and for a reading older than all readings
+            of the wheels.
 
         Raises
         ------
         ValueError
-            If a number is not finite, the variance is negative, or the time is half a second
-            or more off that of the wheels; nothing is taken in.
+            If a number is not finite, the variance is negative, or the time differs from that of
+            the wheels by half a second or more. The estimate is then unchanged.
         """
         return self._speed(SpeedSensor.RADAR, t, v, variance)
 
@@ -633,21 +633,21 @@ class SlipFilter:
         Parameters
         ----------
         t : float
-            Its stamp, s: `gnss_latency` later than the measurement.
+            Stamp, s: `gnss_latency` after the time of measurement.
         v : float
             Speed along the vehicle, m/s, forward positive.
         variance : float
-            Its variance, m^2/s^2; 0 stands for `radar_variance`.
+            Variance, m^2/s^2; 0 means `radar_variance`.
 
         Returns
         -------
         bool
-            False where the reading was not believed or not used, see `radar`.
+            False if the reading was rejected or ignored, see `radar`.
 
         Raises
         ------
         ValueError
-            As `radar` does.
+            As `radar`.
         """
         return self._speed(SpeedSensor.GNSS, t, v, variance)
 
@@ -677,18 +677,18 @@ class SlipFilter:
             not reading.speeds or reading.speeds[-1] <= entry
         ):
             reading.speeds.append(entry)
-            believed = self._update_speed(reading, entry)
+            accepted = self._update_speed(reading, entry)
         else:
             at = bisect_right(reading.speeds, entry)
             reading.speeds.insert(at, entry)
-            believed = self._replay(place, (place, at))
+            accepted = self._replay(place, (place, at))
         self._derive()
-        return believed
+        return accepted
 
     def _put(self, reading: WheelReading) -> None:
-        """Put a reading of the wheels where it belongs, and repeat the updates after it."""
+        """Insert a reading of the wheels at its time and repeat the updates after it."""
         place = bisect_right(self._readings, reading.t, key=lambda other: other.t)
-        # There is one before it: the oldest is older than whatever is accepted.
+        # The oldest reading is older than any accepted one, so there is one before it.
         before = self._readings[place - 1]
         first = bisect_right(before.speeds, reading.t, key=lambda entry: entry[0] + self._SAME)
         reading.speeds.extend(before.speeds[first:])
@@ -697,7 +697,7 @@ class SlipFilter:
         self._replay(place - 1)
 
     def _replay(self, first: int, asked: tuple[int, int] = (-1, -1)) -> bool:
-        """Repeat all updates from a reading on; tell whether the speed asked for is believed."""
+        """Repeat all updates from a reading on; true if the given speed is accepted."""
         self._state[:] = self._readings[first].before
         self._ruts.newest[:] = self._readings[first].newest
         answer = False
@@ -705,17 +705,17 @@ class SlipFilter:
             reading = self._readings[place]
             self._update_wheels(reading)
             for at, entry in enumerate(reading.speeds):
-                believed = self._update_speed(reading, entry)
+                accepted = self._update_speed(reading, entry)
                 if (place, at) == asked:
-                    answer = believed
+                    answer = accepted
         return answer
 
     def _update_wheels(self, reading: WheelReading) -> None:
-        """Update with a reading of the wheels that is younger than the state."""
+        """Update with a reading of the wheels younger than the state."""
         reading.before[:] = self._state
         reading.newest[:] = self._ruts.newest
         if reading is self._readings[0]:
-            begin(
+            initialise(
                 reading.t, reading.omega, reading.torque, self._x, self._p, self._wheel_memory,
                 self._vehicle_memory, self._body, self._noise,
             )  # fmt: skip
@@ -731,19 +731,19 @@ class SlipFilter:
             self._stand_still(int(np.argmin(np.abs(rims))))
 
     def _load_covariance(self, schedule: ScheduledCovariance) -> None:
-        """Take the covariance that belongs to the present speed, slip and silence."""
+        """Set the covariance scheduled by speed, slip and time without measured speed."""
         trip = self._trip
         t = trip['time']
         rims = self._wheels[:, RADIUS] * self._wheel_memory['omega']
         mean = float(np.mean([abs(slip(self.v, rim)) for rim in rims]))
-        # After a start the filter's own covariance holds, which the start has left.
+        # Shortly after a start the covariance of the initialisation is used.
         if abs(self.v) > self.min_speed and trip['travelled'] > 2 * self._settling:
             schedule.look_up(
                 abs(self.v), mean, t - trip['speed_time'], t - trip['soil_changed_at'], self._p
             )
 
     def _stand_still(self, slowest: int) -> None:
-        """All wheels (nearly) stand: so does the vehicle, unless a sensor says otherwise."""
+        """Update at standstill of all wheels: v = 0, unless a sensor measures a speed."""
         radius, kept = self._wheels[slowest, RADIUS], self._wheel_memory[slowest]
         rim = float(radius * kept['omega'])
         trip = self._trip
@@ -753,21 +753,21 @@ class SlipFilter:
         variance = float((0.02 + 0.5 * abs(rim)) ** 2 + radius**2 * kept['omega_variance'])
         measured = trip['time'] - trip['speed_time'] <= self.radar_timeout + 1e-9
         if measured and self._unlikely(rim, variance):
-            # Wheels that are locked, not a vehicle that stands.
+            # The wheels are locked and the vehicle slides.
             return
         update_speed(self._x, self._p, rim, variance)
-        # At rest resistance is whatever thrust is, and says nothing about driving.
+        # At rest resistance equals gross traction; it has no information on driving.
         reset_entry(self._p, DRAWBAR, self._unknown_drawbar**2)
 
     def _unlikely(self, v: float, variance: float) -> bool:
-        """True where a measured speed is too far from the estimate to be believed."""
+        """True if a measured speed is outside the gate."""
         return (v - self.v) ** 2 > self._GATE**2 * (self.v_variance + variance)
 
     def _update_speed(self, reading: WheelReading, entry: tuple[float, int, float, float]) -> bool:
-        """Update with a measured speed that belongs to the newest reading of the wheels."""
+        """Update with a measured speed assigned to the newest reading of the wheels."""
         t, _, v, variance = entry
         trip = self._trip
-        # What it was at the time of the reading.
+        # Measured speed extrapolated to the time of the reading.
         v -= trip['acceleration'] * (t - reading.t)
         if self._unlikely(v, variance):
             off = self._GATE * math.sqrt(2 * variance)
@@ -779,27 +779,26 @@ class SlipFilter:
                 return False
             self._x[SPEED] = v
             reset_entry(self._p, SPEED, variance)
-            self._doubt()
+            self._reset_covariance()
         else:
             expected = math.sqrt(self.v_variance + variance)
             if trip['travelled'] > self._settling:
                 normalised = (v - self.v) / expected - trip['mean_speed_innovation']
                 trip['mean_speed_innovation'] += self._INNOVATION_SHARE * normalised
             if abs(trip['mean_speed_innovation']) > self._INNOVATION_LIMIT:
-                # Dozens of readings on the same side: speed is what they say on average, and
-                # soil or drawbar are others.
+                # Dozens of innovations of one sign: the error is in soil or drawbar.
                 self._x[SPEED] += trip['mean_speed_innovation'] * expected
                 reset_entry(self._p, SPEED, self._INNOVATION_SHARE * expected**2)
-                self._doubt()
+                self._reset_covariance()
             update_speed(self._x, self._p, v, variance)
         trip['refused_in_a_row'] = 0
         trip['speed_time'] = max(trip['speed_time'], t)
         return True
 
-    def _doubt(self) -> None:
-        """Keep soil and drawbar, but trust them little."""
+    def _reset_covariance(self) -> None:
+        """Reset the covariance of soil and drawbar; their values are kept."""
         for j in range(self.n_wheels):
-            doubt_soil(self._x, self._p, j, self._body.changed, True)
+            reset_soil(self._x, self._p, j, self._body.changed, True)
         reset_entry(self._p, DRAWBAR, self._unknown_drawbar**2)
         self._p[SPEED, SPEED] += self.noise.speed**2
         self._trip['mean_speed_innovation'] = 0.0
@@ -814,7 +813,7 @@ class SlipFilter:
             self.rim_speed[j] = rim
             fastest = max(abs(v), abs(rim), 1e-3)
             self.slip[j] = slip(v, rim)
-            # The smaller speed over the larger: an error of either one counts by the other.
+            # Ratio of smaller to larger speed: errors of both contribute to its variance.
             rim_variance = radius**2 * self._wheel_memory['omega_variance'][j]
             ratio = min(abs(v), abs(rim)) / fastest
             of_v, of_rim = (1.0, ratio) if abs(rim) >= abs(v) else (ratio, 1.0)
@@ -824,24 +823,24 @@ class SlipFilter:
             self.valid[j] = is_valid(v, rim, self.min_speed) and v_valid
 
     def checked(self, what: str, values: ArrayLike) -> NDArray[np.float64]:
-        """Check that there is one finite number for each wheel.
+        """Array of one finite number for each wheel.
 
         Parameters
         ----------
         what : str
-            What the values are, for errors: 'wheel speed'.
+            Name of the quantity for the error, such as 'wheel speed'.
         values : array_like, shape (n,)
-            The values, any unit.
+            Values, in any unit.
 
         Returns
         -------
         ndarray, shape (n,)
-            The values, in their unit.
+            Values, in their unit.
 
         Raises
         ------
         ValueError
-            Naming the wheel whose value is not finite, or their count.
+            If a value is not finite, or their number is wrong.
         """
         array = np.asarray(values, dtype=float)
         if array.shape != (self.n_wheels,):

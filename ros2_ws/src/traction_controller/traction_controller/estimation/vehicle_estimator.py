@@ -1,8 +1,8 @@
-"""Slip, speed, soil, pose and immobilisation of a vehicle from what its sensors say.
+"""Estimator of a vehicle: slip, speed, soil, pose and immobilisation from sensor readings.
 
-One object that node, replay and evaluation run alike. It checks every reading for plausibility,
-feeds the slip filter, the track of a satellite receiver, the calibration of rolling radii, the
-odometry and the warning of immobilisation, and starts over where time jumps.
+Node, replay and evaluation use the same class. It checks every reading for plausibility and passes
+it to the slip filter, the track of a satellite receiver, the calibration of rolling radii, the
+odometry and the warning of immobilisation. It resets the estimate when time jumps.
 """
 
 import math
@@ -37,82 +37,83 @@ class Health(IntEnum):
 
 
 class VehicleEstimator:
-    """Estimates slip, speed, soil, pose and immobilisation of one vehicle.
+    """Estimator of slip, speed, soil, pose and immobilisation of one vehicle.
 
-    Built by `from_parameters`. Readings that cannot be used are passed over: the method returns
-    False and `refused` says why.
+    Use `from_parameters` to construct it. An unusable reading is rejected: the method returns
+    False and `refused` has the reason.
 
     Parameters
     ----------
     vehicle : Vehicle
         The vehicle, SI units.
     soil : Soil
-        Nominal soil: what is expected until a wheel tells otherwise.
+        Nominal soil: initial value of the estimated soil.
     noise : EstimatorNoise
-        How far the filter's model is trusted.
+        Process and measurement noise of the filter.
     min_speed : float
         Speed of rim or vehicle below which slip is not valid, m/s, above 0.
     radar_timeout : float
-        Silence after which slip rests on torque alone, s, above 0.
+        Time without measured speed after which slip is estimated from torque alone, s, above 0.
     radar_variance : float
-        Variance of a measured speed that does not state one, m^2/s^2, above 0.
+        Default variance of a measured speed, m^2/s^2, above 0.
     stuck_time : float
-        Time for which a reading may stay the same while others change, s; 0: for ever. See
-        `Plausibility`.
+        Time for which a reading may stay the same while others change, s; 0 disables the check.
+        See `Plausibility`.
     terrain_rate, odometry_rate : float
-        Rates at which soil and pose are published, Hz, above 0.
+        Rates of publication of soil and pose, Hz, above 0.
     method : {'ukf', 'ekf', 'scheduled_gain'}
         Kalman filter.
     tachometer_pulses : float
         Pulses per turn that the tachometers count; 0 for ideal ones.
     radar_latency, gnss_latency : float
-        Time by which stamps are later than what they stamp, s, 0 to 0.5.
+        Delay of stamps after the time of measurement, s, 0 to 0.5.
     radar_min_speed : float
-        Speed below which the radar is blind, m/s, at least 0.
+        Smallest speed that the radar measures, m/s, at least 0.
     calibrate_radius : bool
-        Whether rolling radii are calibrated while the wheels pull little.
+        True to calibrate rolling radii at low gross traction.
     calibration_effort : float
-        Gross traction over load up to which a wheel pulls little, dimensionless, above 0.
+        Largest gross traction over load of a wheel for calibration, dimensionless, above 0.
     track_width : float
-        Distance between the outer wheels of the rear axle, which must not steer, m; 0: yaw is
-        not estimated.
+        Distance between the outer wheels of the rear axle, which must not steer, m; 0: no
+        estimation of yaw.
     warning_horizon : float
-        Time to standstill at which immobilisation is warned of, s, above 0.
+        Time to standstill at which the warning of immobilisation is given, s, above 0.
     warning_slip : float
-        Share of power lost in slip at which immobilisation is warned of, dimensionless, above 0.
+        Share of power lost in slip at which the warning is given, dimensionless, above 0.
 
     Attributes
     ----------
     slip_filter : SlipFilter
         Slip, speed and soil.
     odometry : PathOdometry
-        Distance and pose; they outlast `reset`.
+        Distance and pose; `reset` keeps them.
     gnss_track : GnssTrack
         Speed and heading from positions.
     immobilisation : Immobilisation
-        How near the vehicle is to being stuck.
+        Warning of immobilisation.
     calibration : RadiusCalibration
-        Rolling radii, m; they outlast `reset`.
+        Rolling radii, m; `reset` keeps them.
     yaw_rate, yaw_rate_variance : float
-        rad/s, counter-clockwise positive, and rad^2/s^2; infinite while yaw is not observed.
+        rad/s, counter-clockwise positive, and rad^2/s^2; the variance is infinite while yaw is
+        not observed.
     refused : dict of str to str
-        Why the newest reading of a source was refused, by the name of its topic.
+        Reason of the rejection of the newest reading of a source, by the name of its topic.
     disbelieved : set of str
-        Sources of speed whose newest reading contradicts wheels and torque.
+        Sources of speed whose newest reading is outside the gate of the filter.
     gnss_jumped : bool
-        Whether the newest position was refused as a jump.
+        True if the newest position was rejected as a jump.
     time_jumped_back : float
-        By how much the newest reading of the wheels set time back and started the estimate
-        anew, s; 0 where it did not.
+        Backward jump of time of the newest reading of the wheels, which reset the estimate, s;
+        0 without a jump.
     terrain_due, odometry_due : bool
-        Whether soil and pose are to be published with the newest reading of the wheels.
+        True if soil and pose are due for publication with the newest reading of the wheels.
     health_due : bool
-        Whether `health` is to be told with the newest reading: it may have changed.
+        True if `health` is due for publication with the newest reading, as it may have changed.
 
     Raises
     ------
     ValueError
-        Naming what is out of its range.
+        If a value is out of its range.
     """
 
     def __init__(
@@ -183,26 +184,26 @@ class VehicleEstimator:
     def from_parameters(
         cls, p: Any, vehicle: Vehicle | None = None, soil: Soil | None = None
     ) -> 'VehicleEstimator':
-        """Build an estimator from the parameters of the node `slip_estimator`.
+        """Construct an estimator from the parameters of the node `slip_estimator`.
 
         Parameters
         ----------
         p : namespace
             One attribute for each of the node's parameters, in their units.
         vehicle : Vehicle, optional
-            A definition in place of the one that `p.vehicle` names, SI units.
+            Vehicle to use instead of `p.vehicle`, SI units.
         soil : Soil, optional
-            A definition in place of the one that `p.soil` names, SI units.
+            Soil to use instead of `p.soil`, SI units.
 
         Returns
         -------
         VehicleEstimator
-            With nothing measured yet.
+            Estimator in its initial state.
 
         Raises
         ------
         ValueError
-            Naming the parameter, or file and key of a definition that cannot be loaded.
+            If a parameter is invalid, or a definition cannot be loaded.
         """
         return cls(
             load_vehicle(p.vehicle) if vehicle is None else vehicle,
@@ -215,17 +216,17 @@ class VehicleEstimator:
 
     @staticmethod
     def check_parameters(p: Any) -> None:
-        """Refuse parameters from which no estimator can be built, without building one.
+        """Check parameters without construction of an estimator.
 
         Parameters
         ----------
         p : namespace
-            As of `from_parameters`.
+            As for `from_parameters`.
 
         Raises
         ------
         ValueError
-            As of `from_parameters`.
+            As for `from_parameters`.
         """
         vehicle = load_vehicle(p.vehicle)
         load_soil(p.soil)
@@ -233,11 +234,11 @@ class VehicleEstimator:
         _check_track_width(p.track_width, vehicle, p.vehicle)
 
     def reset(self) -> None:
-        """Estimate anew; the distance travelled so far and calibrated radii stay."""
+        """Reset the estimate; distance, pose and calibrated radii are kept."""
         self.slip_filter.reset()
         self._plausibility.reset()
-        # After a start over on the move, slip is not valid until a speed over ground comes or
-        # the vehicle stands: without them, slip would be taken for speed.
+        # After a reset in motion, slip is not valid until a speed over ground is measured or the
+        # vehicle stands: rim speed alone does not separate slip from speed.
         self._on_the_move = False
         self.calibration.restart()
         self.gnss_track.reset()
@@ -246,7 +247,7 @@ class VehicleEstimator:
         self.gnss_jumped = False
         self.time_jumped_back = 0.0
         self._travelled_t: float | None = None
-        # Of readings of the wheels, believed or not.
+        # Time of the newest reading of the wheels, accepted or not.
         self._newest: float | None = None
         self._terrain_t = self._odometry_t = -math.inf
         self.terrain_due = self.odometry_due = self.health_due = False
@@ -255,7 +256,7 @@ class VehicleEstimator:
 
     @property
     def t(self) -> float | None:
-        """Time of the newest reading of the wheels taken in, s; None before the first."""
+        """Time of the newest accepted reading of the wheels, s; None before the first."""
         return self.slip_filter.t
 
     @property
@@ -270,7 +271,7 @@ class VehicleEstimator:
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """True where a slip can be used, shape (n,)."""
+        """True if a slip can be used, shape (n,)."""
         return self.slip_filter.valid & (not self._on_the_move)
 
     @property
@@ -290,12 +291,12 @@ class VehicleEstimator:
 
     @property
     def v_valid(self) -> bool:
-        """True where `v` can be used."""
+        """True if `v` can be used."""
         return self.slip_filter.v_valid and not self._on_the_move
 
     @property
     def source(self) -> Source:
-        """Source of `v` at present."""
+        """Present source of `v`."""
         return self.slip_filter.source
 
     @property
@@ -310,7 +311,7 @@ class VehicleEstimator:
 
     @property
     def health(self) -> tuple[Health, str]:
-        """Health of the estimate, and the reason in words."""
+        """Health of the estimate, with a text."""
         watch = self.immobilisation
         if self.refused:
             return Health.ERROR, 'refused: ' + '; '.join(self.refused.values())
@@ -331,18 +332,18 @@ class VehicleEstimator:
 
     @property
     def radius_state(self) -> str:
-        """State of the calibration of rolling radii, in words; 'off' where there is none."""
+        """State of the calibration of rolling radii as text; 'off' if it is disabled."""
         return self.calibration.state.value if self._calibrate_radius else 'off'
 
     def refuse(self, source: str, reason: str) -> None:
-        """Note that a reading cannot be used, for `health`.
+        """Record the rejection of a reading, for `health`.
 
         Parameters
         ----------
         source : str
             Name of its topic.
         reason : str
-            Why, in words.
+            Reason.
         """
         self.refused[source] = reason
         self.health_due = True
@@ -353,9 +354,8 @@ class VehicleEstimator:
         Parameters
         ----------
         t : float
-            Time of measurement, s from any origin, the same for all sensors. A time half a
-            second or more before the newest means that the clock was set: everything starts
-            over.
+            Time of measurement, s, from an origin common to all sensors. A time half a second or
+            more before the newest means that the clock was set: the estimate is reset.
         omega : array_like, shape (n,)
             Wheel speeds, rad/s, forward positive.
         torque : array_like, shape (n,)
@@ -364,8 +364,8 @@ class VehicleEstimator:
         Returns
         -------
         bool
-            False where the reading was refused: not finite, not one number for each wheel,
-            implausible, or late by too much. `refused` says why.
+            False if the reading was rejected: not finite, wrong number of values, implausible, or
+            too late. `refused` has the reason.
         """
         self.time_jumped_back = 0.0
         self.terrain_due = self.odometry_due = self.health_due = False
@@ -378,7 +378,7 @@ class VehicleEstimator:
             self.refuse('wheel_states', str(error))
             return False
         self.refused.pop('wheel_states', None)
-        # A reading that came late has changed the estimate, not the time.
+        # A late reading changes the estimate, but not the time.
         if self.t is not None and t >= self.t:
             self.calibration.wheels(t, speeds, self.gross_traction)
             self.gnss_track.wheels(t, float(self.rim_speed.mean()))
@@ -387,7 +387,7 @@ class VehicleEstimator:
         standing = np.abs(self.rim_speed).max() < self._min_speed
         if self.source is not Source.WHEEL or standing:
             self._on_the_move = False
-        # A microsecond less: stamps come in steps.
+        # Tolerance of a microsecond for the resolution of stamps.
         if t >= self._terrain_t:
             self._terrain_t = t + self._terrain_period - 1e-6
             self.terrain_due = self.health_due = True
@@ -402,17 +402,17 @@ class VehicleEstimator:
         Parameters
         ----------
         t : float
-            Its stamp, s: `radar_latency` later than the measurement.
+            Stamp, s: `radar_latency` after the time of measurement.
         v : float
             Speed over ground, m/s, forward positive.
         variance : float
-            Its variance, m^2/s^2; 0 stands for `radar_variance`.
+            Variance, m^2/s^2; 0 means `radar_variance`.
 
         Returns
         -------
         bool
-            False where it was refused (`refused` says why), not believed (`disbelieved`), below
-            `radar_min_speed`, or before the first reading of the wheels.
+            False if it was implausible (`refused` has the reason), outside the gate
+            (`disbelieved`), below `radar_min_speed`, or before the first reading of the wheels.
         """
         return self._speed('radar', t, v, variance)
 
@@ -422,16 +422,17 @@ class VehicleEstimator:
         Parameters
         ----------
         t : float
-            Its stamp, s: `gnss_latency` later than the measurement.
+            Stamp, s: `gnss_latency` after the time of measurement.
         v : float
             Speed along the vehicle, m/s, forward positive.
         variance : float
-            Its variance, m^2/s^2; 0 stands for `radar_variance`.
+            Variance, m^2/s^2; 0 means `radar_variance`.
 
         Returns
         -------
         bool
-            False where it was refused, not believed, or before the first reading of the wheels.
+            False if it was implausible, outside the gate, or before the first reading of the
+            wheels.
         """
         return self._speed('gnss_velocity', t, v, variance)
 
@@ -441,38 +442,38 @@ class VehicleEstimator:
         Parameters
         ----------
         t : float
-            Its stamp, s: `gnss_latency` later than the measurement.
+            Stamp, s: `gnss_latency` after the time of measurement.
         position : array_like, shape (2,) or (3,)
             East, north and, if known, up, m, in any fixed frame.
 
         Returns
         -------
         bool
-            False where it was refused, is a jump, says nothing about the speed that can be
-            believed, or came before the first reading of the wheels.
+            False if it was rejected, is a jump, has no valid information on speed, or came before
+            the first reading of the wheels.
         """
         self.health_due = False
         if self._newest is None:
             return False
         track = self.gnss_track
-        believed = True
+        accepted = True
         try:
             self.gnss_jumped = not track.fix(t, position)
             if math.isfinite(track.reading_variance):
-                # The filter takes the latency away again.
-                believed = self.slip_filter.gnss(
+                # The filter subtracts the latency.
+                accepted = self.slip_filter.gnss(
                     track.speed_t + track.latency, track.reading, track.reading_variance
                 )
         except (ValueError, OverflowError) as error:
             self.refuse('gnss', str(error))
             return False
         self.refused.pop('gnss', None)
-        self._note_belief('gnss', believed)
+        self._note_acceptance('gnss', accepted)
         self._calibrate(lambda: self.calibration.fix(track))
-        return believed and not self.gnss_jumped
+        return accepted and not self.gnss_jumped
 
     def _follow_time(self, t: float) -> None:
-        """Start over where the clock was set."""
+        """Reset if the clock was set."""
         if not math.isfinite(t):
             raise ValueError(f'time of measurement is not finite: {t}')
         if self._newest is None:
@@ -490,22 +491,22 @@ class VehicleEstimator:
         v = slip_filter.v if slip_filter.v_valid else math.nan
         self._plausibility.wheels(t, omega.tolist(), torque.tolist(), v)
         if slip_filter.t is not None and t - slip_filter.t > slip_filter.LONGEST_GAP:
-            # The filter starts over, too.
+            # The filter resets itself in this case.
             self._on_the_move = True
         slip_filter.wheel_states(t, omega, torque)
 
     def _travel(self, t: float) -> None:
-        """Move the pose on."""
+        """Advance odometry."""
         before, self._travelled_t = self._travelled_t, t
         if before is None or t - before > SlipFilter.LONGEST_GAP:
             return
-        # Of the filter's own validity: after a start over on the move, too, this is the best
-        # guess of the slip that its speed compensates.
+        # By the validity in the filter: after a reset in motion this is still the best estimate of
+        # the slip that the speed compensates.
         valid = self.slip_filter.valid
         slip = float(self.slip[valid].mean()) if valid.any() else 0.0
         deviation = 0.0
         if self.source is Source.WHEEL:
-            # A measured speed does not rest on the radii.
+            # A measured speed does not depend on the radii.
             variance = self.calibration.radius_variance / self.slip_filter.rolling_radius**2
             deviation = math.sqrt(variance.mean())
         if self._track_width:
@@ -519,10 +520,11 @@ class VehicleEstimator:
         )  # fmt: skip
 
     def _watch(self, t: float, omega: Array, torque: Array) -> None:
-        """Look for signs that the vehicle gets stuck."""
+        """Update the warning of immobilisation."""
         watch = self.immobilisation
         before = watch.level
-        # It knows nominal radii: rim speeds and forces of the calibrated ones are given so.
+        # It uses nominal radii, so omega and torque are scaled to give the same rim speed and
+        # force.
         scale = self.slip_filter.rolling_radius / self._nominal_radius
         watch.step(
             t, self.v, omega * scale, torque / scale, self.slip_filter.mobilisation,
@@ -533,36 +535,36 @@ class VehicleEstimator:
 
     def _speed(self, source: str, t: float, v: float, variance: float) -> bool:
         self.health_due = False
-        # Before the first reading of the wheels there is nothing that a speed could belong to.
+        # Before the first reading of the wheels a speed cannot be assigned to one.
         if self._newest is None:
             return False
         radar = source == 'radar'
         update = self.slip_filter.radar if radar else self.slip_filter.gnss
         plausible = self._plausibility.speed(source, t, v)
         try:
-            believed = plausible and update(t, v, variance)
+            accepted = plausible and update(t, v, variance)
         except ValueError as error:
             self.refuse(source, str(error))
             return False
         self.refused.pop(source, None)
         if radar and abs(v) < self._radar_min_speed:
-            # No reading: nothing to believe or not.
-            self._note_belief(source, True)
+            # No reading: neither accepted nor rejected.
+            self._note_acceptance(source, True)
             return False
-        self._note_belief(source, believed)
+        self._note_acceptance(source, accepted)
         ground = GroundSource.RADAR if radar else GroundSource.VELOCITY
         measured = t - (self._radar_latency if radar else self._gnss_latency)
         self._calibrate(lambda: self.calibration.speed(ground, measured, v))
-        return believed
+        return accepted
 
-    def _note_belief(self, source: str, believed: bool) -> None:
-        if believed:
+    def _note_acceptance(self, source: str, accepted: bool) -> None:
+        if accepted:
             self.disbelieved.discard(source)
         else:
             self.disbelieved.add(source)
 
     def _calibrate(self, compare: Callable[[], None]) -> None:
-        """Compare the radii with a distance over ground, and go on with what they are then."""
+        """Update the calibration with a distance over ground, and apply its radii."""
         if not self._calibrate_radius:
             return
         compare()
@@ -597,7 +599,7 @@ def _check_track_width(track_width: float, vehicle: Vehicle, name: str = 'the ve
         )
 
 
-# Parameters of the node that the constructor takes as they are.
+# Node parameters that are passed to the constructor unchanged.
 _PARAMETERS = (
     'min_speed', 'radar_timeout', 'radar_variance', 'stuck_time', 'terrain_rate', 'odometry_rate',
     'method', 'tachometer_pulses', 'radar_latency', 'gnss_latency', 'radar_min_speed',

@@ -1,8 +1,8 @@
-"""Quasi-static contact of a wheel on soil that is known by a few factors, for estimation.
+"""Quasi-static wheel-soil contact for estimation, with three factors on the nominal soil.
 
-The soil under a wheel is the nominal one times three factors, each by its logarithm: strength
-(cohesion and tan(phi)), shear deformation modulus K, and sinkage modulus k. The wheel neither
-rises nor sinks: sinkage is that at which the soil carries the load.
+The factors apply to strength (cohesion and tan(phi)), shear deformation modulus K, and sinkage
+modulus k; each is given by its logarithm. The wheel has no vertical motion: at its sinkage the
+soil carries the load.
 """
 
 import math
@@ -13,21 +13,21 @@ from traction_model.soil.soil import COHESION, MODULUS, SHEAR_MODULUS, TAN_PHI
 from traction_model.vehicle.wheel import RADIUS, TRACK, WIDTH
 
 CONTACT = 2
-"""Number of the contact form that this uses, `traction_model.contact.contact.Form.CONTACT`."""
+"""Contact form in use, `traction_model.contact.contact.Form.CONTACT`."""
 
 
 @kernel
 def quasi_static(v, omega, load, place, factors, nominal, wheel, ruts, guess, soil):
-    """Moment, resistance and sinkage of a wheel that carries a load and slips steadily.
+    """Moment, motion resistance and sinkage of a wheel at steady load and slip.
 
     Parameters
     ----------
     v, omega : float
         Speed of the centre, m/s, and wheel speed, rad/s, forward positive.
     load : float
-        On the wheel, N.
+        Load of the wheel, N.
     place : float
-        Of the wheel along the path, m.
+        Position of the wheel along the path, m.
     factors : tuple of float
         Logarithms of the factors on strength, shear deformation modulus and sinkage modulus,
         dimensionless.
@@ -36,18 +36,18 @@ def quasi_static(v, omega, load, place, factors, nominal, wheel, ruts, guess, so
     wheel : ndarray, shape (7,)
         The packed wheel, SI units.
     ruts : Ruts
-        What wheels have left so far.
+        Ruts of the wheels so far.
     guess : float
-        Sinkage to begin with, m.
+        Initial value of the sinkage for the solver, m.
     soil : ndarray, shape (1, 17)
         Out: the soil with its factors, SI units.
 
     Returns
     -------
     moment, resistance, strength_moment, sinkage, shear : float
-        N·m about the wheel's centre, positive when it resists; motion resistance, N; the part
-        of the moment that is proportional to strength, N·m; m; shear displacement of the soil
-        as it is left, m.
+        Moment about the wheel's centre, N·m, positive when it resists; motion resistance, N; part
+        of the moment proportional to strength, N·m; sinkage, m; shear displacement left in the
+        rut, m.
     """
     soil[0, :] = nominal
     strength = math.exp(factors[0])
