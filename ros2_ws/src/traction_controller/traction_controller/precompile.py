@@ -1,4 +1,4 @@
-"""Compile the kernels once, so that a node does not have to when it starts."""
+"""Compilation of the kernels at set-up, so that nodes start fast."""
 
 from traction_controller.estimation.kalman import Method
 from traction_controller.estimation.slip_filter import SlipFilter

@@ -292,7 +292,7 @@ class GnssTrack:
         self.t: float | None = None
         self._motion: Motion | None = None
         self.reading, self.reading_variance = 0.0, math.inf
-        self._believed_t = -math.inf
+        self._accepted_t = -math.inf
         self._dt = 0.0
         self._rim_speed = math.nan
         self._trial: Motion | None = None
@@ -326,7 +326,7 @@ class GnssTrack:
             and self.t is not None
             and abs(self.speed) >= self.min_speed
             and self.speed_variance < self._LARGEST_DEVIATION**2
-            and self.t - self._believed_t <= self.LONGEST_GAP
+            and self.t - self._accepted_t <= self.LONGEST_GAP
         )
 
     @property
@@ -447,7 +447,7 @@ class GnssTrack:
             self.reset()
             still = np.zeros(measured.size)
             self._motion = self._start(kind, measured, variance, still, self._UNKNOWN_SPEED)
-            self.t = self._believed_t = t
+            self.t = self._accepted_t = t
             return True
         before = self._motion.p
         motion = expected = self._carry(t)
@@ -471,7 +471,7 @@ class GnssTrack:
                 self.rebased += 1
                 self._trial = None
         if accepted:
-            self._believed_t = t
+            self._accepted_t = t
         self._motion = motion
         self._read(expected, accepted)
         if self.valid:

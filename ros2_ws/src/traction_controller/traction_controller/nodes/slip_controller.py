@@ -1,4 +1,4 @@
-"""What the node `slip_controller` does: limits or holds slip by the torque for the gate.
+"""Node `slip_controller`: wheel torque commands that limit or hold slip.
 
 A behaviour runs in a ROS 2 process or in lock step, see `traction_evaluation.replay.lockstep`.
 """
@@ -24,12 +24,12 @@ _WEIGHTS = ControlWeights()
 
 
 def _names(kind):
-    """Members of an enumeration as values of a parameter."""
+    """Names of the members of an enumeration, as values of a parameter."""
     return tuple(member.name.lower() for member in kind)
 
 
 class SlipControllerBehaviour(Behaviour):
-    """Answers every slip estimate with a torque command for every wheel."""
+    """Torque command for every wheel, published for each slip estimate."""
 
     NAME = 'slip_controller'
     LIFECYCLE = True
@@ -44,14 +44,14 @@ class SlipControllerBehaviour(Behaviour):
             'mode',
             default='limit',
             description=(
-                'limit: only ever reduce the requested torque; hold: regulate slip to the target'
+                'limit: only reduce the requested torque; hold: regulate slip to the target'
             ),
             choices=('limit', 'hold'),
         ),
         NodeParameter(
             'slip_target',
             default=0.2,
-            description='slip to limit or hold, until one comes on the topic slip_target',
+            description='slip target until a message on the topic slip_target',
             minimum=SlipControl.MIN_TARGET,
             maximum=SlipControl.MAX_TARGET,
         ),
@@ -65,33 +65,33 @@ class SlipControllerBehaviour(Behaviour):
             'gain_table',
             default='',
             description=(
-                'gain table of the law lpv: one that is shipped, or the path of a YAML '
-                'file; none: that of the vehicle, if one is shipped'
+                'gain table of the law lpv: name of a shipped one, or path of a YAML '
+                'file; empty: the shipped one of the vehicle'
             ),
             read_only=True,
         ),
         NodeParameter(
             'grouping',
             default='wheel',
-            description='which wheels are controlled as one: one engine drives all of a vehicle',
+            description='wheels that form a control group; vehicle: one engine drives all wheels',
             choices=_names(Grouping),
         ),
         NodeParameter(
             'differential',
             default='open',
-            description='whether the wheels of a group turn alike',
+            description='locked: the wheels of a group have the same speed',
             choices=_names(Differential),
         ),
         NodeParameter(
             'driven_axles',
             default='all',
-            description='all, front (the first) or rear (all others)',
+            description='driven axles; front: the first, rear: all others',
             choices=DRIVEN_AXLES,
         ),
         NodeParameter(
             'request_timeout',
             default=0.5,
-            description='silence of torque_request after which it counts as zero',
+            description='time without torque_request after which the request is zero',
             unit='s',
             minimum=0.05,
             maximum=10.0,
@@ -100,7 +100,7 @@ class SlipControllerBehaviour(Behaviour):
             'hold_torque',
             default=[10000.0],
             description=(
-                'largest torque in hold of each wheel, or of all: what the gate lets through'
+                'largest torque in mode hold, for each wheel or all, at most the limit of the gate'
             ),
             unit='N·m',
             minimum=1.0,
@@ -110,7 +110,7 @@ class SlipControllerBehaviour(Behaviour):
             'torque_rate',
             default=[1e6],
             description=(
-                'fastest change of torque of each wheel, or of all: what the gate lets through'
+                'limit of the rate of torque, for each wheel or all, at most that of the gate'
             ),
             unit='N·m/s',
             minimum=1.0,
@@ -120,7 +120,7 @@ class SlipControllerBehaviour(Behaviour):
             'torque_timeout',
             default=0.1,
             description=(
-                'age of wheel_states, against slip_estimate, from which shaft torque is missing'
+                'age of wheel_states relative to slip_estimate from which shaft torque is missing'
             ),
             unit='s',
             minimum=0.02,
@@ -138,7 +138,7 @@ class SlipControllerBehaviour(Behaviour):
         NodeParameter(
             'torque_time_constant',
             default=0.1,
-            description='lag of shaft behind commanded torque',
+            description='time constant from commanded to shaft torque',
             unit='s',
             minimum=0.005,
             maximum=2.0,
@@ -147,7 +147,7 @@ class SlipControllerBehaviour(Behaviour):
         NodeParameter(
             'min_speed',
             default=0.3,
-            description='speed of rim and vehicle below which slip is not acted on',
+            description='speed of rim and vehicle below which slip is not controlled',
             unit='m/s',
             minimum=0.05,
             maximum=2.0,
@@ -157,7 +157,7 @@ class SlipControllerBehaviour(Behaviour):
             'set_point',
             default='none',
             description=(
-                'none: the target is given; efficiency: it is sought from the estimated soil'
+                'none: target from slip_target; efficiency: target from the estimated soil'
             ),
             choices=('none', 'efficiency'),
             read_only=True,
@@ -165,14 +165,14 @@ class SlipControllerBehaviour(Behaviour):
         NodeParameter(
             'set_point_weight',
             default=0.0,
-            description='what the set-point seeks: 0 the best efficiency, 1 the most pull',
+            description='weight in the set-point: 0 tractive efficiency, 1 drawbar pull',
             minimum=0.0,
             maximum=1.0,
         ),
         NodeParameter(
             'set_point_low',
             default=0.05,
-            description='least slip that is sought',
+            description='lower bound of the set-point',
             minimum=0.01,
             maximum=0.6,
             read_only=True,
@@ -180,7 +180,7 @@ class SlipControllerBehaviour(Behaviour):
         NodeParameter(
             'set_point_high',
             default=0.3,
-            description='most slip that is sought',
+            description='upper bound of the set-point',
             minimum=0.01,
             maximum=0.6,
             read_only=True,
@@ -188,7 +188,7 @@ class SlipControllerBehaviour(Behaviour):
         NodeParameter(
             'set_point_rate',
             default=0.01,
-            description='fastest change of the target that is sought',
+            description='limit of the rate of the set-point',
             unit='1/s',
             minimum=1e-4,
             maximum=1.0,
@@ -197,7 +197,7 @@ class SlipControllerBehaviour(Behaviour):
         NodeParameter(
             'set_point_time_constant',
             default=5.0,
-            description='lag of the target behind what is best now',
+            description='time constant of the set-point',
             unit='s',
             minimum=0.1,
             maximum=1000.0,
@@ -207,14 +207,14 @@ class SlipControllerBehaviour(Behaviour):
             'soil',
             default='sandy_loam_chrono',
             description=(
-                "the set-point's nominal soil, that of the estimator: preset or file.yaml:name"
+                'nominal soil of the set-point, as in slip_estimator: preset or file.yaml:name'
             ),
             read_only=True,
         ),
         NodeParameter(
             'weight_slip',
             default=_WEIGHTS.slip,
-            description='law lqi: slip error that weighs as much as weight_torque',
+            description='law lqi: slip error with the same weight as weight_torque',
             minimum=1e-3,
             maximum=1.0,
             read_only=True,
@@ -222,7 +222,7 @@ class SlipControllerBehaviour(Behaviour):
         NodeParameter(
             'weight_integral_time',
             default=_WEIGHTS.integral_time,
-            description='law lqi: time after which a lasting slip error weighs as much again',
+            description='law lqi: time after which a constant slip error has twice the weight',
             unit='s',
             minimum=0.01,
             maximum=100.0,
@@ -232,7 +232,7 @@ class SlipControllerBehaviour(Behaviour):
             'weight_torque',
             default=_WEIGHTS.torque,
             description=(
-                'law lqi: torque that weighs as much as weight_slip, as share of static '
+                'law lqi: torque with the same weight as weight_slip, as share of static '
                 'load times radius'
             ),
             minimum=1e-3,
@@ -264,7 +264,7 @@ class SlipControllerBehaviour(Behaviour):
         NodeParameter(
             'pi_response_time',
             default=0.15,
-            description='law pi: response time that the SIMC rules aim at',
+            description='law pi: response time for the SIMC rules',
             unit='s',
             minimum=0.01,
             maximum=10.0,
@@ -277,18 +277,18 @@ class SlipControllerBehaviour(Behaviour):
         self._controller = None
 
     def check_parameters(self, p):
-        """Refuse a vehicle that cannot be loaded, and what does not fit it."""
+        """Check that the vehicle can be loaded and the parameters suit it."""
         SlipController.check_parameters(p)
         if self._controller is not None:
             self._controller.control.prepare(p.law)
 
     def parameters_changed(self, p, names):
-        """Take over what may change; the command goes on from where it is."""
+        """Apply changed parameters; the command continues without a jump."""
         if self._controller is not None:
             self._controller.set_parameters(p, names)
 
     def configure(self):
-        """Build the controller and the messages."""
+        """Construct the controller and the messages."""
         self._controller = SlipController.from_parameters(self.host.p)
         if self._controller.lpv_refused:
             self.host.get_logger().info(
@@ -327,28 +327,28 @@ class SlipControllerBehaviour(Behaviour):
         self.host.subscription('slip_target', self._on_target)
 
     def cleanup(self):
-        """Forget control laws and soil."""
+        """Delete the controller."""
         self._controller = None
 
     def _start_over(self):
         self._controller.reset()
-        # Times are counted from the first stamp: differences of small numbers are exact.
+        # Times relative to the first stamp, since differences of small numbers are exact.
         self._epoch = None
         self._refused = {}
 
     def _time(self, stamp):
-        """Time of a stamp since the first one, s."""
+        """Time from the first stamp, s."""
         if self._epoch is None:
             self._epoch = stamp
         return between(self._epoch, stamp)
 
     def activate(self):
-        """Begin without memory of an earlier drive."""
+        """Start from the initial state."""
         self._start_over()
         self.host.set_diagnostic(diagnostic.WARN, 'waiting for slip_estimate')
 
     def _take(self, what, names, values):
-        """Values in wheel order, or None with the reason in the diagnostics."""
+        """Values in wheel order; None with the reason in the diagnostics."""
         try:
             ordered = self._orders[what].values(names, values)
         except ValueError as error:
@@ -362,7 +362,7 @@ class SlipControllerBehaviour(Behaviour):
         self.host.set_diagnostic(diagnostic.ERROR, 'refused: ' + '; '.join(self._refused.values()))
 
     def _on_wheel_states(self, message):
-        # No effort at all: a vehicle that does not measure it, which is no fault.
+        # Empty effort: the vehicle does not measure torque, which is no fault.
         torque = None
         if len(message.effort):
             torque = self._take('wheel_states effort', message.name, message.effort)
@@ -374,7 +374,7 @@ class SlipControllerBehaviour(Behaviour):
         stress = self._take('terrain_estimate max_shear_stress', names, message.max_shear_stress)
         if valid is None or stress is None:
             return
-        # Not a number where it is not known, so not for JointOrder: looked up in its order.
+        # NaN if unknown, which JointOrder rejects; so it is reordered separately.
         modulus = dict(zip(names, message.shear_deformation_modulus, strict=False))
         moduli = [modulus.get(name, math.nan) for name in self._command.name]
         self._controller.terrain_estimate(self._time(message.header.stamp), stress, valid, moduli)
@@ -393,7 +393,7 @@ class SlipControllerBehaviour(Behaviour):
             self._refused.pop('slip_target', None)
 
     def _slip_state(self, message):
-        """Slip state of a message, or None with the reason in the diagnostics."""
+        """Slip state of a message; None with the reason in the diagnostics."""
         names = message.wheel_names
         slips = self._take('slip_estimate slip', names, message.slip)
         rims = self._take('slip_estimate wheel_based_speed', names, message.wheel_based_speed)
@@ -406,7 +406,7 @@ class SlipControllerBehaviour(Behaviour):
             return None
         self._refused.pop('speed', None)
         state = SlipState(slips, valid, rims, speed)
-        # An estimator may know no soil.
+        # Estimators without soil leave these empty.
         if len(message.gross_traction):
             state.gross_traction = self._take(
                 'slip_estimate gross_traction', names, message.gross_traction

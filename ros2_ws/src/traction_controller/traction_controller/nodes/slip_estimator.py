@@ -1,7 +1,7 @@
-"""The node `slip_estimator`: slip, speed, soil and pose from the sensors.
+"""Node `slip_estimator`: slip, speed, soil and pose from the sensors.
 
-It maps messages; what it publishes is computed by
-`traction_controller.estimation.vehicle_estimator`.
+The node converts messages; `traction_controller.estimation.vehicle_estimator` computes the
+estimates.
 """
 
 import copy
@@ -25,12 +25,12 @@ from traction_node.stamp import between
 _NOISE = EstimatorNoise()
 _LIMITS = WarningLimits()
 _GROUND = FirmGround()
-# Where the entries of x, y and yaw are in a covariance of six by six.
+# Indices of x, y and yaw in a covariance of shape (6, 6).
 _PLANAR = np.ix_([0, 1, 5], [0, 1, 5])
 
 
 class SlipEstimatorBehaviour(Behaviour):
-    """Publishes a slip estimate for every reading of the wheels."""
+    """Slip estimate, published for every reading of the wheels."""
 
     NAME = 'slip_estimator'
     LIFECYCLE = True
@@ -59,7 +59,7 @@ class SlipEstimatorBehaviour(Behaviour):
         NodeParameter(
             'radar_timeout',
             default=0.5,
-            description='silence after which slip rests on torque alone',
+            description='time without measured speed after which slip comes from torque alone',
             unit='s',
             minimum=0.05,
             maximum=10.0,
@@ -68,7 +68,7 @@ class SlipEstimatorBehaviour(Behaviour):
         NodeParameter(
             'radar_variance',
             default=0.0025,
-            description='variance of a radar reading that does not state one',
+            description='variance of a measured speed without one',
             unit='m²/s²',
             minimum=1e-6,
             maximum=10.0,
@@ -78,8 +78,8 @@ class SlipEstimatorBehaviour(Behaviour):
             'stuck_time',
             default=0.15,
             description=(
-                'time for which a tachometer or a radar may tell the same to the last bit '
-                'while others change by 2 %, longer in proportion for less; 0: for ever'
+                'time for which a reading of a tachometer or radar may stay the same while others '
+                'change by 2 %, longer in proportion for smaller changes; 0: no check'
             ),
             unit='s',
             minimum=0.0,
@@ -108,15 +108,14 @@ class SlipEstimatorBehaviour(Behaviour):
             'method',
             default='ukf',
             description=(
-                'Kalman filter: ukf (best), ekf (half the time) or scheduled_gain '
-                '(computed beforehand)'
+                'Kalman filter: ukf (best), ekf (half the time) or scheduled_gain (precomputed)'
             ),
             read_only=True,
         ),
         NodeParameter(
             'tachometer_pulses',
             default=0.0,
-            description='pulses per turn that the tachometers count; 0: ideal',
+            description='pulses per turn of the tachometers; 0: ideal tachometers',
             minimum=0.0,
             maximum=1e6,
             read_only=True,
@@ -124,7 +123,7 @@ class SlipEstimatorBehaviour(Behaviour):
         NodeParameter(
             'radar_latency',
             default=0.0,
-            description='time by which the stamps of radar are late',
+            description='delay of the stamps of radar after the measurement',
             unit='s',
             minimum=0.0,
             maximum=0.5,
@@ -133,7 +132,7 @@ class SlipEstimatorBehaviour(Behaviour):
         NodeParameter(
             'radar_min_speed',
             default=0.0,
-            description='speed below which the radar is blind',
+            description='smallest speed that the radar measures',
             unit='m/s',
             minimum=0.0,
             maximum=2.0,
@@ -142,7 +141,7 @@ class SlipEstimatorBehaviour(Behaviour):
         NodeParameter(
             'gnss_latency',
             default=0.0,
-            description='time by which the stamps of gnss and gnss_velocity are late',
+            description='delay of the stamps of gnss and gnss_velocity after the measurement',
             unit='s',
             minimum=0.0,
             maximum=0.5,
@@ -151,13 +150,13 @@ class SlipEstimatorBehaviour(Behaviour):
         NodeParameter(
             'calibrate_radius',
             default=False,
-            description='find the rolling radii while wheels pull little',
+            description='calibrate the rolling radii at low gross traction',
             read_only=True,
         ),
         NodeParameter(
             'calibration_effort',
             default=_GROUND.largest_effort,
-            description='thrust over load up to which a wheel pulls little',
+            description='largest gross traction over load of a wheel for calibration',
             minimum=1e-3,
             maximum=1.0,
             read_only=True,
@@ -167,7 +166,7 @@ class SlipEstimatorBehaviour(Behaviour):
             default=0.0,
             description=(
                 'distance between the outer wheels of the rear axle, which must not '
-                'steer; 0: yaw is not estimated'
+                'steer; 0: no estimation of yaw'
             ),
             unit='m',
             minimum=0.0,
@@ -177,7 +176,7 @@ class SlipEstimatorBehaviour(Behaviour):
         NodeParameter(
             'warning_horizon',
             default=_LIMITS.horizon,
-            description='time to standstill at which immobilisation is warned of',
+            description='time to standstill at which the warning of immobilisation is given',
             unit='s',
             minimum=0.1,
             maximum=60.0,
@@ -186,7 +185,7 @@ class SlipEstimatorBehaviour(Behaviour):
         NodeParameter(
             'warning_slip',
             default=_LIMITS.slip,
-            description='share of power lost in slip at which immobilisation is warned of',
+            description='share of power lost in slip at which the warning is given',
             minimum=0.05,
             maximum=1.0,
             read_only=True,
@@ -221,7 +220,7 @@ class SlipEstimatorBehaviour(Behaviour):
         NodeParameter(
             'noise_strength',
             default=_NOISE.strength,
-            description='deviation of ln(tau_max) where soil changes',
+            description='standard deviation of ln(tau_max) after a change of soil',
             minimum=1e-3,
             maximum=3.0,
             read_only=True,
@@ -229,7 +228,7 @@ class SlipEstimatorBehaviour(Behaviour):
         NodeParameter(
             'noise_shear_modulus',
             default=_NOISE.shear_modulus,
-            description='deviation of ln(K) where soil changes',
+            description='standard deviation of ln(K) after a change of soil',
             minimum=1e-3,
             maximum=3.0,
             read_only=True,
@@ -237,7 +236,7 @@ class SlipEstimatorBehaviour(Behaviour):
         NodeParameter(
             'noise_sinkage_modulus',
             default=_NOISE.sinkage_modulus,
-            description='deviation of the logarithm of the sinkage modulus where soil changes',
+            description='standard deviation of ln(sinkage modulus) after a change of soil',
             minimum=1e-3,
             maximum=3.0,
             read_only=True,
@@ -245,7 +244,7 @@ class SlipEstimatorBehaviour(Behaviour):
         NodeParameter(
             'noise_nominal',
             default=_NOISE.nominal,
-            description='share of these that the nominal soil is off',
+            description='initial standard deviation for the nominal soil, as share of these three',
             minimum=1e-3,
             maximum=10.0,
             read_only=True,
@@ -253,7 +252,7 @@ class SlipEstimatorBehaviour(Behaviour):
         NodeParameter(
             'noise_gross_traction',
             default=_NOISE.gross_traction,
-            description='deviation of gross traction from its curve, as share of the static load',
+            description='standard deviation of gross traction from its curve, over static load',
             minimum=1e-4,
             maximum=10.0,
             read_only=True,
@@ -261,7 +260,7 @@ class SlipEstimatorBehaviour(Behaviour):
         NodeParameter(
             'noise_slip',
             default=_NOISE.slip,
-            description='deviation of the slip at which a thrust is reached',
+            description='standard deviation of the slip at which a gross traction is reached',
             minimum=1e-4,
             maximum=10.0,
             read_only=True,
@@ -269,7 +268,7 @@ class SlipEstimatorBehaviour(Behaviour):
         NodeParameter(
             'noise_wheel_speed',
             default=_NOISE.wheel_speed,
-            description='deviation of an ideal tachometer',
+            description='standard deviation of a reading of an ideal tachometer',
             unit='rad/s',
             minimum=1e-5,
             maximum=10.0,
@@ -287,13 +286,13 @@ class SlipEstimatorBehaviour(Behaviour):
     )
 
     def check_parameters(self, p: SimpleNamespace) -> None:
-        """Refuse definitions that cannot be loaded."""
+        """Check that the definitions can be loaded."""
         VehicleEstimator.check_parameters(p)
 
     def configure(self) -> None:
-        """Build the estimator and its messages."""
+        """Construct the estimator and the messages."""
         self._estimator = VehicleEstimator.from_parameters(self.host.p)
-        # Stamp of the first reading of the wheels: times count from there.
+        # Stamp of the first reading of the wheels, the origin of time.
         self._epoch: Any = None
         names = list(self._estimator.vehicle.wheel_names)
         self._speeds = JointOrder(names, 'wheel_states velocity')
@@ -317,7 +316,7 @@ class SlipEstimatorBehaviour(Behaviour):
         self.host.subscription('gnss', self._on_gnss)
 
     def activate(self) -> None:
-        """Begin with nothing known: the vehicle may have moved meanwhile."""
+        """Reset the estimate, as the vehicle may have moved."""
         self._estimator.reset()
         self._epoch = None
         level, said = self._estimator.health
@@ -336,7 +335,7 @@ class SlipEstimatorBehaviour(Behaviour):
             self._report_health()
             return
         if self._epoch is None:
-            # A copy: the message may be reused.
+            # Copied, since the message may be reused.
             self._epoch = copy.copy(stamp)
         believed = estimator.wheel_states(between(self._epoch, stamp), omega, torque)
         if estimator.time_jumped_back:

@@ -1,1 +1,1 @@
-"""Synthesis of gains, and certificates that prove what they guarantee."""
+"""Synthesis of gains, and certificates of stability and performance."""

@@ -1,10 +1,10 @@
-"""Certificate of a gain table: what is guaranteed for which loop, and its check by NumPy alone.
+"""Certificate of a gain table: proof of stability and performance, and its check with NumPy.
 
-With the loop of `traction_controller.synthesis.slip_loop` and the gains that the table gives for
-it, the closed loop is ``x+ = A*x + E*w`` and what is weighed ``z = C*x``. What is not known and
-stays as it is, the lag, the delay, and the factor f by which the slip stiffness is taken for too
-high, is cut into cells. For each one the certificate holds positive definite matrices P over the
-slip pole, interpolated between the points of its grid, such that V = x'*P*x falls:
+The loop of `traction_controller.synthesis.slip_loop` with the gains of the table is the closed
+loop ``x+ = A*x + E*w`` with performance output ``z = C*x``. Unknown constants are the lag, the
+delay and the factor f, estimated over true slip stiffness. Their ranges are cut into cells. For
+each cell the certificate has positive definite matrices P over the slip pole, interpolated between
+grid points, such that V = x'*P*x decreases:
 
     V+ - V <= gamma*w'*w - z'*z/gamma   for all w
 
@@ -13,14 +13,15 @@ slip pole, interpolated between the points of its grid, such that V = x'*P*x fal
     V+ - V <= -z'*z   for w = 0,   and   e'*P*e <= cost for each column e of E
 
 (kind ``lqr``: the energy of z after a unit jump of either disturbance is at most the cost). V+ is
-taken at every vertex of how far stiffness and rim speed can have moved within a sample, so all
-this holds for all courses of them within the rates, and along all of them the loop is
-exponentially stable. With P = L*L' either one says that a matrix N contracts, and the *margin*
-is 1 less its largest singular value: free of units and of the sizes of states.
+computed at every vertex of the changes of stiffness and rim speed within a sample. So the
+guarantee holds for all their time courses within the rate bounds, and the loop is exponentially
+stable along all of them. With P = L*L' each inequality is equivalent to a norm bound on a matrix
+N. The *margin* is 1 less the largest singular value of N, which is independent of units and
+scaling of the states.
 
-Not covered: stiffness below zero (past the peak of a thrust curve with a hump), jumps of
-stiffness (they count as disturbances, and the proof begins anew after them), limits of torque,
-errors of the estimate of slip, moment and acceleration.
+Not covered: negative stiffness (past the peak of a traction curve), jumps of stiffness (they count
+as disturbances; the guarantee restarts after them), torque limits, and errors of the estimated
+slip, moment and acceleration.
 """
 
 import itertools
@@ -39,14 +40,14 @@ from traction_model.definition import Definition
 Array = NDArray[np.float64]
 
 DENSER = 10
-"""By how much the independent check's grid is denser than that of the synthesis."""
+"""Density of the grid of the independent check, as a multiple of that of the synthesis."""
 
 _KNEE = 1.0
-"""Slip pole, 1/s, below which the grid is even in p, and above in ln p."""
+"""Slip pole below which the grid is uniform in p, and above in ln p, 1/s."""
 
 
 class CertificateError(ValueError):
-    """A certificate that does not hold; the text says which inequality, and where."""
+    """A certificate does not hold; the text names inequality and place."""
 
 
 class LoopDesign(Definition):
@@ -55,23 +56,23 @@ class LoopDesign(Definition):
     Attributes
     ----------
     kind : {'hinf', 'lqr'}
-        What is guaranteed, see the module.
+        Kind of guarantee, see the module.
     period : float
         Sampling period, s, above 0.
     delays : tuple of int
-        Least and most samples from a command to its arrival at the drive, at least 1.
+        Smallest and largest delay from a command to its arrival at the drive, samples, at least 1.
     lags : tuple of float
-        Least and largest time constant from command to shaft torque, s, above 0.
+        Smallest and largest time constant from command to shaft torque, s, above 0.
     lag_cells : int
-        Cells that the lags are cut into, evenly over their inverse, at least 1.
+        Number of cells of the lag, uniform over its inverse, at least 1.
     largest_pole : float
-        Up to which slip pole the guarantee goes, 1/s, above 0; from 0 on.
+        Upper end of the range of the slip pole, 1/s, above 0; the lower end is 0.
     grid : int
-        Points of the grid over the slip pole, evenly over ln(1 + p), at least 2.
+        Points of the grid over the slip pole, uniform over ln(1 + p), at least 2.
     stiffness_error : float
-        Factor by which the slip stiffness may be taken too low or too high, at least 1.
+        Largest factor between estimated and true slip stiffness, both ways, at least 1.
     error_cells : int
-        Cells that this is cut into, evenly over its logarithm, at least 1.
+        Number of cells of this factor, uniform over its logarithm, at least 1.
     stiffness_rate, rim_speed_rate : float
         Bounds of ``|d ln C/dt|`` and ``|d ln V/dt|``, 1/s, at least 0.
     moment_time : float
@@ -81,9 +82,9 @@ class LoopDesign(Definition):
         measured moment. The default, 0.05 s, is longer by one period of 0.01 s. The guarantee
         holds for the value given; other values are not checked.
     response_time : float
-        Wanted time constant of slip, s, above 0: the weight of slip error against effort.
+        Desired time constant of slip, s, above 0: weight of slip error against effort.
     effort : float
-        Weight of the command in z, over what a slip error of 1 asks for, dimensionless.
+        Weight of the command in z, over the command for a slip error of 1, dimensionless.
     """
 
     kind: Literal['hinf', 'lqr'] = 'hinf'
@@ -115,7 +116,7 @@ class LoopDesign(Definition):
 
     @property
     def n_gains(self) -> int:
-        """Number of gains: on slip error, torque, and every command under way."""
+        """Number of gains: on slip error, torque, and every delayed command."""
         return 2 + self.delays[1]
 
     @property
@@ -129,12 +130,12 @@ class LoopDesign(Definition):
         return self.pole_at(np.arange(float(self.grid)))
 
     def pole_at(self, place: NDArray[np.float64]) -> Array:
-        """Slip pole at a place in the grid.
+        """Slip pole at a fractional grid index.
 
         Parameters
         ----------
         place : ndarray
-            Places, 0 at the first point, 1 at the second, dimensionless.
+            Indices, 0 at the first point, 1 at the second, dimensionless.
 
         Returns
         -------
@@ -144,7 +145,7 @@ class LoopDesign(Definition):
         return np.asarray(_KNEE * np.expm1(place * self.step))
 
     def place_of(self, pole: NDArray[np.float64]) -> Array:
-        """Place of a slip pole in the grid, at its end for all beyond.
+        """Fractional grid index of a slip pole, clipped to the grid.
 
         Parameters
         ----------
@@ -154,13 +155,13 @@ class LoopDesign(Definition):
         Returns
         -------
         ndarray, of the shape of `pole`
-            Places, dimensionless.
+            Indices, dimensionless.
         """
         return np.asarray(np.clip(np.log1p(pole / _KNEE) / self.step, 0.0, self.grid - 1.0))
 
     @property
     def delay_range(self) -> range:
-        """All delays, in samples."""
+        """Delays, samples."""
         return range(self.delays[0], self.delays[1] + 1)
 
     @property
@@ -175,7 +176,7 @@ class LoopDesign(Definition):
         return np.asarray(np.exp(np.linspace(-error, error, self.error_cells + 1)))
 
     def torque_factor(self, pole: NDArray[np.float64]) -> Array:
-        """Torque that a rate of slip takes, over G: ``1 + p*t``.
+        """Torque per rate of slip, over G: ``1 + p*t``.
 
         Parameters
         ----------
@@ -185,28 +186,28 @@ class LoopDesign(Definition):
         Returns
         -------
         ndarray, of the shape of `pole`
-            Dimensionless, at least 1. The soil's moment follows the slip with the pole p and
-            takes part of the torque during t, the mean lag, mean delay and `moment_time`.
+            Dimensionless, at least 1. The moment of the soil follows slip with the pole p. During
+            t, the sum of mean lag, mean delay and `moment_time`, it takes part of the torque.
         """
         late = sum(self.lags) / 2 + sum(self.delays) / 2 * self.period + self.moment_time
         return np.asarray(1.0 + pole * late)
 
 
 class Certificate(Definition):
-    """Gains over the slip pole with what proves them.
+    """Gains over the slip pole with their proof.
 
     Attributes
     ----------
     design : LoopDesign
-        What they are for.
+        Design data of the gains.
     gains : tuple of tuple of float
-        At every pole of the grid: on the slip error, 1/s; on the shaft torque and on the commands
+        Gains at every pole of the grid: on slip error, 1/s; on shaft torque and on the commands
         sent 1, 2, ... samples ago, all less the measured moment, dimensionless.
     performance : tuple of float
-        At every pole gamma or the cost, for all cells, dimensionless.
+        Gamma or cost at every pole, for all cells, dimensionless.
     lyapunov : nested tuples of float
-        P in every cell of delay, lag and f, at every pole: the upper triangle row by row; torques
-        counted over G and over `LoopDesign.torque_factor`, dimensionless.
+        P in every cell of delay, lag and f, at every pole: upper triangle by rows; torques over G
+        and over `LoopDesign.torque_factor`, dimensionless.
     """
 
     design: LoopDesign
@@ -233,7 +234,7 @@ class Certificate(Definition):
         return self
 
     def matrices(self) -> Array:
-        """Return P as symmetric matrices.
+        """P as symmetric matrices.
 
         Returns
         -------
@@ -256,10 +257,10 @@ class Margins:
     Attributes
     ----------
     least : float
-        Least margin: 1 less the largest singular value, dimensionless; the certificate holds
-        where it is at least 0.
+        Smallest margin: 1 less the largest singular value, dimensionless. The certificate holds
+        if it is at least 0.
     where : str
-        Where it is least.
+        Place of the smallest margin.
     points : int
         Number of inequalities.
     """
@@ -272,28 +273,28 @@ class Margins:
 def closed_loop(
     design: LoopDesign, gains: Array, place: Array, lag: Array, delay: int, factor: Array
 ) -> tuple[Array, Array, Array]:
-    """Close the loop.
+    """Matrices of the closed loop.
 
     Parameters
     ----------
     design : LoopDesign
-        What the gains are for.
+        Design data of the gains.
     gains : ndarray, shape (grid, g)
         Gains as in `Certificate`, 1/s and dimensionless.
     place : ndarray, shape (...)
-        Place of the slip pole in the grid, dimensionless.
+        Fractional grid index of the slip pole, dimensionless.
     lag : ndarray, shape (...)
         Lag, s.
     delay : int
         Delay, in samples.
     factor : ndarray, shape (...)
-        The stiffness that gains are looked up with over the true one, dimensionless.
+        Estimated stiffness, at which gains are interpolated, over the true one, dimensionless.
 
     Returns
     -------
     A, E, C : ndarray
-        ``x+ = A*x + E*w``, ``z = C*x``, dimensionless: torques count over G and
-        `LoopDesign.torque_factor`, and so does the soil's disturbance.
+        ``x+ = A*x + E*w``, ``z = C*x``, dimensionless: torques and the disturbance of the soil are
+        over G and `LoopDesign.torque_factor`.
     """
     place, lag, factor = np.broadcast_arrays(place, lag, factor)
     pole = design.pole_at(place)
@@ -317,19 +318,19 @@ def closed_loop(
 
 
 def cells(design: LoopDesign) -> Iterator[tuple[tuple[int, int, int], int, Array, Array]]:
-    """Go through the cells of what is not known.
+    """Cells of the unknown constants.
 
     Parameters
     ----------
     design : LoopDesign
-        What they are of.
+        Design data with the ranges.
 
     Yields
     ------
     index : tuple of int
-        Of delay, lag and f.
+        Indices of delay, lag and f.
     delay : int
-        In samples.
+        Delay, samples.
     lags, factors : ndarray, shape (2,)
         Edges of the cell, s and dimensionless.
     """
@@ -341,21 +342,21 @@ def cells(design: LoopDesign) -> Iterator[tuple[tuple[int, int, int], int, Array
 
 
 def moves(design: LoopDesign, place: Array) -> Iterator[tuple[Array, Array]]:
-    """Go through the places that a slip pole can reach within a sample, by vertex of the rates.
+    """Grid indices that a slip pole can reach within a sample, by vertex of the rates.
 
     Parameters
     ----------
     design : LoopDesign
-        What the rates are of.
+        Design data with the rates.
     place : ndarray, shape (k,)
-        Places in the grid, dimensionless.
+        Fractional grid indices, dimensionless.
 
     Yields
     ------
     there : ndarray, shape (k,)
-        Places in the grid, held within it, dimensionless.
+        Fractional grid indices, clipped to the grid, dimensionless.
     scale : ndarray, shape (k,)
-        What torques have to be multiplied by for it, dimensionless.
+        Factor of the torques for the move, dimensionless.
     """
     pole = design.pole_at(place)
     for stiffness, speed in itertools.product((-1.0, 1.0), (-1.0, 1.0)):
@@ -368,25 +369,26 @@ def moves(design: LoopDesign, place: Array) -> Iterator[tuple[Array, Array]]:
 
 
 def check(certificate: Certificate, density: int = 1) -> Margins:
-    """Check the inequalities of a certificate, by nothing but its numbers.
+    """Check the inequalities of a certificate from its numbers alone.
 
     Parameters
     ----------
     certificate : Certificate
-        What to check.
+        Certificate to check.
     density : int
-        How many times denser than the grid of the synthesis to look, in slip pole, stiffness
-        error and lag.
+        Density of the check in slip pole, stiffness error and lag, as a multiple of the grid of
+        the synthesis.
 
     Returns
     -------
     Margins
-        With the least margin, at least 0; dimensionless.
+        Smallest margin, at least 0, dimensionless.
 
     Raises
     ------
     CertificateError
-        If a matrix is not positive definite or an inequality does not hold, saying where.
+        If a matrix is not positive definite or an inequality does not hold; the text has the
+        place.
     """
     found = margins(certificate, density)
     if not found.least >= 0:
@@ -398,19 +400,19 @@ def check(certificate: Certificate, density: int = 1) -> Margins:
 
 
 def margins(certificate: Certificate, density: int = 1) -> Margins:
-    """Find the least margin of a certificate, of whatever sign.
+    """Smallest margin of a certificate, of either sign.
 
     Parameters
     ----------
     certificate : Certificate
-        What to look at.
+        Certificate to check.
     density : int
-        As in `check`.
+        As for `check`.
 
     Returns
     -------
     Margins
-        The least one, dimensionless.
+        Smallest margin, dimensionless.
 
     Raises
     ------
@@ -463,7 +465,7 @@ def _contractions(
     delay: int,
     factor: Array,
 ) -> Array:
-    """Least margins over the vertices of the moves, shape (places, k); P that of the cell."""
+    """Smallest margins over the vertices of the moves, shape (places, k); P of the cell."""
     A, E, C = closed_loop(design, gains, place, lag, delay, factor)
     column = place[:, 0]
     here = _between(P, column)
@@ -492,7 +494,7 @@ def _contractions(
 
 
 def _largest_singular(N: Array) -> Array:
-    """Largest singular value of each matrix, by the eigenvalues of N'*N: quicker."""
+    """Largest singular value of each matrix, from the eigenvalues of N'*N, which is faster."""
     square = np.swapaxes(N, -1, -2) @ N
     return np.asarray(np.sqrt(np.linalg.eigvalsh(square)[..., -1]))
 

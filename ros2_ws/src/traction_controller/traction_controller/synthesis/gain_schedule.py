@@ -1,7 +1,7 @@
 """Gain schedule: an LQI regulator of slip at every point of a grid over the LPV model.
 
-At a grid point the model is slip under shaft torque (`traction_model.lpv.slip_dynamics`),
-shaft torque under commanded torque (a first-order lag) and the integral of the slip error:
+The model at a grid point has slip driven by shaft torque (`traction_model.lpv.slip_dynamics`),
+shaft torque driven by commanded torque (a first-order lag), and the integral of the slip error:
 
     i' = a*i + b*T,   T' = (u - T)/tau_a,   z' = i_target - i
 
@@ -30,12 +30,11 @@ class ControlWeights:
     Attributes
     ----------
     slip : float
-        i_s: slip error that counts as much as a torque of `torque`, dimensionless.
+        i_s: slip error with the same weight as a torque of `torque`, dimensionless.
     integral_time : float
-        t_s, s: time after which a lasting slip error of i_s counts as much again.
+        t_s, s: time after which the integral of a slip error i_s has the same weight.
     torque : float
-        u_s as a share of the torque that would lift the wheel's static load at its radius,
-        dimensionless.
+        u_s over static load times radius, dimensionless.
     """
 
     slip: float = 0.1
@@ -63,7 +62,7 @@ def lqi_gains(
     dt : float
         Sampling period, s, above 0.
     weights : ControlWeights
-        What counts how much.
+        Weights of slip, its integral and torque.
     torque_scale : float
         u_s, N·m, above 0.
 
@@ -73,7 +72,7 @@ def lqi_gains(
         Gain on slip, N·m; on shaft torque, 1; on the integral of the slip error, N·m/s:
         ``u = -k[0]*i - k[1]*T + k[2]*z``.
     """
-    # Scaled to slip i_s and torque u_s, so that the Riccati equation is well conditioned.
+    # Scaled by slip i_s and torque u_s, for a well-conditioned Riccati equation.
     b_scaled = b * torque_scale / weights.slip
     a_d, b_d = sampled(
         np.array([[a, b_scaled, 0.0], [0.0, -1.0 / lag, 0.0], [-1.0, 0.0, 0.0]]),
@@ -104,9 +103,9 @@ class GainSchedule:
     dt : float
         Sampling period, s, above 0.
     weights : ControlWeights
-        What the regulator weighs against each other.
+        Weights of slip, its integral and torque.
     gravity : float
-        m/s^2: load over gravity is the mass that the wheel propels.
+        m/s^2; load over gravity is the mass that the wheel propels.
 
     Attributes
     ----------
@@ -131,7 +130,7 @@ class GainSchedule:
         for name, value in (('load', load), ('lag', lag), ('dt', dt)):
             if not (math.isfinite(value) and value > 0):
                 raise ValueError(f'{name} must be above 0, got {value}')
-        # From walking pace to road speed; from soil that has all but failed to hard ground.
+        # From walking pace to road speed; from soil near failure to hard ground.
         self.rim_speeds = np.geomspace(0.3, 12.0, 9)
         self.stiffnesses = load * np.geomspace(0.2, 50.0, 9)
         torque_scale = weights.torque * load * wheel.radius
@@ -143,12 +142,12 @@ class GainSchedule:
         self._table = GridTable([np.log(self.rim_speeds), np.log(self.stiffnesses)], self.gains)
 
     def at(self, rim_speed: float, stiffness: float) -> tuple[float, float, float]:
-        """Interpolate the gains; outside the grid those at its edge.
+        """Interpolate the gains; outside the grid the values at its edge.
 
         Parameters
         ----------
         rim_speed : float
-            r*omega, m/s; its magnitude counts.
+            r*omega, m/s; only its magnitude matters.
         stiffness : float
             Slip stiffness, N, at least 0.
 

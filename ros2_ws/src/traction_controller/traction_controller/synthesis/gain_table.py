@@ -1,8 +1,7 @@
-"""Gain tables: the gains of a vehicle's wheels with their certificate, and their YAML file.
+"""Gain tables of the law `lpv`: gains of a vehicle's wheels with certificate, as a YAML file.
 
-The law is that of `traction_controller.control.laws.lpv`. Gains are stored over the slip pole (see
-`traction_controller.synthesis.slip_loop`), that on the slip error over G, so one list serves all
-wheels.
+Gains are functions of the slip pole (see `traction_controller.synthesis.slip_loop`). The gain on
+the slip error is stored over G, so one list suits all wheels.
 """
 
 import hashlib
@@ -24,11 +23,11 @@ from traction_model.vehicle.wheel import Wheel
 from traction_node.closest import closest
 
 FORMAT: Literal['traction gain table 1'] = 'traction gain table 1'
-"""Format that the files name."""
+"""Name of the file format."""
 
 
 class GainTableError(ValueError):
-    """A gain table that must not be used; the text says what does not hold."""
+    """A gain table must not be used; the text has the reason."""
 
 
 class Scheduling(Definition):
@@ -37,12 +36,12 @@ class Scheduling(Definition):
     Attributes
     ----------
     slip : float
-        Slip that wheels are linearised at, at least 0 and below 1.
+        Slip at the operating point, at least 0 and below 1.
     stiffness : float
-        Largest slip stiffness, over the static load, dimensionless, above 0; beyond it the gains
-        at it stand.
+        Largest slip stiffness, over static load, dimensionless, above 0; gains are constant above
+        it.
     rim_speed : tuple of float
-        Least and largest rim speed, m/s, above 0; below, the gains at the least stand.
+        Smallest and largest rim speed, m/s, above 0; gains are constant below the smallest.
     """
 
     slip: float = Field(default=0.15, ge=0, lt=1)
@@ -51,12 +50,12 @@ class Scheduling(Definition):
 
 
 class TableWheel(Definition):
-    """A wheel that the gains are for.
+    """Wheel of a gain table.
 
     Attributes
     ----------
     names : tuple of str
-        Its name, and those of wheels just like it.
+        Names of the wheels with these properties.
     radius, inertia : float
         m and kg*m^2, above 0.
     load : float
@@ -70,22 +69,22 @@ class TableWheel(Definition):
 
 
 class TableFile(Definition):
-    """A gain table as its file has it.
+    """Content of a gain table file.
 
     Attributes
     ----------
     format : str
         `FORMAT`.
     vehicle : str
-        Name of the vehicle, for people.
+        Name of the vehicle, for information.
     wheels : tuple of TableWheel
-        What it is for.
+        Wheels of the vehicle.
     scheduling : Scheduling
-        How gains are looked up.
+        Conversion to slip pole and torque scale.
     certificate : Certificate
         Gains and proof.
     digest : str
-        SHA-256 of all the rest, hexadecimal.
+        SHA-256 of the other fields, hexadecimal.
     """
 
     format: Literal['traction gain table 1']
@@ -96,7 +95,7 @@ class TableFile(Definition):
     digest: str
 
     def computed_digest(self) -> str:
-        """Digest of the numbers as they are.
+        """Digest computed from the numbers.
 
         Returns
         -------
@@ -116,16 +115,16 @@ class GainTable:
     wheel : TableWheel
         The wheel.
     scheduling : Scheduling
-        How gains are looked up.
+        Conversion to slip pole and torque scale.
     certificate : Certificate
-        Gains and proof, taken as they are.
+        Gains and proof; not checked.
 
     Attributes
     ----------
     period : float
-        Sampling period that the gains are for, s.
+        Sampling period of the gains, s.
     n_commands : int
-        Number of gains on commands sent before, dimensionless.
+        Number of gains on earlier commands, dimensionless.
     """
 
     def __init__(
@@ -139,29 +138,29 @@ class GainTable:
         self._pole = slip_pole(turning, 1.0, 1.0, scheduling.slip)
         self._slowest = scheduling.rim_speed[0]
         self._most = scheduling.stiffness * wheel.load
-        # Plain numbers: quicker than arrays when one set of gains is wanted at a time.
+        # Plain numbers are faster than arrays for one set of gains at a time.
         self._per_step = 1.0 / design.step
         self._last = design.grid - 1
         self._gains = [tuple(row) for row in certificate.gains]
 
     def at(self, rim_speed: float, stiffness: float) -> tuple[float, ...]:
-        """Interpolate the gains; outside the table those at its edge.
+        """Interpolate the gains; outside the table the values at its edge.
 
         Parameters
         ----------
         rim_speed : float
-            r*omega, m/s; its magnitude counts.
+            r*omega, m/s; only its magnitude matters.
         stiffness : float
-            Slip stiffness, N; below 0 it counts as 0.
+            Slip stiffness, N; negative values count as 0.
 
         Returns
         -------
         tuple of float
-            Gain on the slip error, N·m; on shaft torque and on the commands sent 1, 2, ...
-            periods ago, less the soil's moment, 1.
+            Gain on slip error, N·m; gains on shaft torque and on the commands sent 1, 2, ...
+            periods ago, all less the moment of the soil, 1.
         """
         speed = max(abs(rim_speed), self._slowest)
-        # Written so that NaN becomes 0: the least gains.
+        # NaN becomes 0, which has the smallest gains.
         stiffness = min(stiffness, self._most) if stiffness > 0.0 else 0.0
         place = math.log1p(stiffness * self._pole / speed) * self._per_step
         place = min(place, self._last)
@@ -176,7 +175,7 @@ class GainTable:
 
 
 def table_wheels(vehicle: Vehicle) -> tuple[TableWheel, ...]:
-    """Gather the wheels of a vehicle, like ones together.
+    """Wheels of a vehicle, equal ones grouped.
 
     Parameters
     ----------
@@ -186,13 +185,13 @@ def table_wheels(vehicle: Vehicle) -> tuple[TableWheel, ...]:
     Returns
     -------
     tuple of TableWheel
-        In the order in which they first come, SI units.
+        In order of first occurrence, SI units.
     """
     found: dict[tuple[float, float, float], list[str]] = {}
     for name, wheel, load in zip(
         vehicle.wheel_names, vehicle.wheels, vehicle.static_loads(), strict=True
     ):
-        # Loads of like wheels differ by rounding.
+        # Loads of equal wheels differ by rounding.
         found.setdefault((wheel.radius, wheel.inertia, round(float(load), 6)), []).append(name)
     return tuple(
         TableWheel(names=tuple(names), radius=radius, inertia=inertia, load=load)
@@ -201,7 +200,7 @@ def table_wheels(vehicle: Vehicle) -> tuple[TableWheel, ...]:
 
 
 def largest_pole(wheels: Iterable[TableWheel], scheduling: Scheduling) -> float:
-    """Largest slip pole of wheels: at the largest stiffness and the least rim speed.
+    """Largest slip pole of wheels: at the largest stiffness and the smallest rim speed.
 
     Parameters
     ----------
@@ -238,11 +237,11 @@ def write_gain_table(
     path : Path or str
         YAML file to write.
     name : str
-        Name of the vehicle, for people.
+        Name of the vehicle, for information.
     wheels : tuple of TableWheel
         Its wheels, SI units.
     scheduling : Scheduling
-        How gains are looked up.
+        Conversion to slip pole and torque scale.
     certificate : Certificate
         Gains and proof.
 
@@ -268,7 +267,7 @@ def write_gain_table(
         f'# stiffness misjudged up to {design.stiffness_error:g} times. '
         'Changed by hand it is refused: the certificate is checked whenever it is read.\n'
     )
-    # Numbers in one line, structure in many; every float in full.
+    # Lists of numbers on one line; floats with all digits.
     text += yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120)
     Path(path).write_text(text, encoding='utf-8')
 
@@ -281,21 +280,21 @@ def read_table_file(path: Path | str, density: int = 1) -> tuple[TableFile, Marg
     path : Path or str
         YAML file.
     density : int
-        How many times denser than the grid of the synthesis to check.
+        Density of the check, as a multiple of the grid of the synthesis.
 
     Returns
     -------
     TableFile
-        What it holds.
+        Content of the file.
     Margins
-        What the check found, dimensionless.
+        Result of the check, dimensionless.
 
     Raises
     ------
     DefinitionError
         If the file is missing or not laid out like a gain table, naming the key.
     GainTableError
-        If its numbers were changed or the certificate does not hold.
+        If the numbers were changed or the certificate does not hold.
     """
     path = Path(path)
     content: TableFile = build(TableFile, read_yaml(path), str(path))
@@ -324,14 +323,14 @@ def find_gain_table(name: str, vehicle: str) -> Path | None:
     Parameters
     ----------
     name : str
-        Path of a YAML file, or name of a table that is shipped; empty: that of the vehicle.
+        Path of a YAML file, or name of a shipped table; empty: the table of the vehicle.
     vehicle : str
         Name of the vehicle.
 
     Returns
     -------
     Path or None
-        The file; None where none is named and none is shipped for the vehicle.
+        The file; None if `name` is empty and no table is shipped for the vehicle.
 
     Raises
     ------
@@ -352,21 +351,21 @@ def find_gain_table(name: str, vehicle: str) -> Path | None:
 def read_gain_table(
     path: Path | str, vehicle: Vehicle | None = None, period: float | None = None
 ) -> dict[str, GainTable]:
-    """Read a gain table, having checked its certificate.
+    """Read a gain table and check its certificate.
 
     Parameters
     ----------
     path : Path or str
         YAML file, made by `traction synthesize`.
     vehicle : Vehicle, optional
-        What is to be driven: must be what the table is for.
+        Vehicle to control; it must match the table.
     period : float, optional
-        Sampling period of the controller, s: must be the table's.
+        Sampling period of the controller, s; it must match the table.
 
     Returns
     -------
     dict of str to GainTable
-        By the name of the wheel; gains in N·m and 1.
+        Gain tables by name of wheel; gains in N·m and 1.
 
     Raises
     ------
@@ -392,7 +391,7 @@ def read_gain_table(
 
 
 def _check_wheels(path: Path | str, content: TableFile, vehicle: Vehicle) -> None:
-    """Refuse a vehicle that the table is not for."""
+    """Raise GainTableError if the table is for another vehicle."""
     made_for = {name: wheel for wheel in content.wheels for name in wheel.names}
     needed = {name: wheel for wheel in table_wheels(vehicle) for name in wheel.names}
     if set(made_for) != set(needed):

@@ -1,23 +1,23 @@
-"""LPV synthesis: gains over the slip pole, and the proof of what they do.
+"""LPV synthesis: gains over the slip pole, and their certificate.
 
-Gains come first. For ``hinf`` from one semidefinite program over the grid of slip poles, with
-matrices X(p) at both ends of the lags and, beside A, slack matrices G and Y in their place, so
-that gains do not depend on them (M. C. de Oliveira, J. Bernussou and J. C. Geromel, "A new
-discrete-time robust stability condition", Systems & Control Letters 37, 1999):
+Step one computes the gains. For ``hinf`` one semidefinite program covers the grid of slip poles.
+It has matrices X(p) at both ends of the lags, and slack matrices G and Y, so that the gains do not
+depend on X (M. C. de Oliveira, J. Bernussou and J. C. Geromel, "A new discrete-time robust
+stability condition", Systems & Control Letters 37, 1999):
 
     [ X(after every move)   A*G + B*Y    E    0            ]
     [ .                     G + G' - X   0    (C*G + D*Y)' ]  >= 0,   K = Y*inv(G)
     [ .                     .            g*I  0            ]
     [ .                     .            .    g*I          ]
 
-For ``lqr`` from the Riccati equation at every pole. What the soil's moment differs from the
-measured one is not known to the law: G keeps it apart, so that its gain is 0.
+For ``lqr`` the gains solve the Riccati equation at every pole. The law cannot measure the
+difference between true and measured moment of the soil. The structure of G sets its gain to 0.
 
-The proof comes after, for the gains as they are interpolated: in every cell of what is not known
-(`traction_controller.synthesis.certificate`) matrices P(p) that satisfy its inequality at the
-cell's corners and centre, at every pole of the grid and in between. The cells' programs are small
-and apart from each other. Grids over parameters and bounds on their rates as in F. Wu, X. H. Yang,
-A. Packard and G. Becker, "Induced L2-norm control for LPV systems with bounded parameter variation
+Step two computes the proof for the interpolated gains. In every cell of the unknown constants
+(`traction_controller.synthesis.certificate`) matrices P(p) satisfy its inequality at the corners
+and the centre of the cell, at every pole of the grid and between poles. The programs of the cells
+are small and independent. Grids over parameters with bounds on their rates: F. Wu, X. H. Yang, A.
+Packard and G. Becker, "Induced L2-norm control for LPV systems with bounded parameter variation
 rates", Int. J. Robust and Nonlinear Control 6, 1996.
 """
 
@@ -44,44 +44,44 @@ from traction_controller.synthesis.slip_loop import ERROR, FIRST_COMMAND, MOMENT
 
 Array = NDArray[np.float64]
 
-# By how much matrices are kept off the edge of what is allowed.
+# Distance of matrices from the boundary of the constraints.
 _EDGE = 1e-7
-# By how much more than asked for V is made to fall, as a share of its root, and into how many
-# parts a step of the grid is cut for it: so that it falls in between, too.
+# Extra decrease of V, as a share of its root, and number of parts of a grid step at which it is
+# required, so that V decreases between grid points, too.
 _KEPT = 0.008
 _PARTS = 3
-# By how much performance is given up for the same end.
+# Loss of performance accepted for the same reason.
 _RELAXED = 1.05
-# Size that torques take for a slip error of 1, so that the solver sees numbers near 1.
+# Scale of torques for a slip error of 1, so that the numbers in the solver are near 1.
 _TORQUE_SIZE = 3.0
 
 
 class SynthesisError(RuntimeError):
-    """No gains were found; the text says why and what to change."""
+    """No gains were found; the text has the reason and a remedy."""
 
 
 def synthesize(
     design: LoopDesign, progress: Callable[[str, float], None] | None = None
 ) -> Certificate:
-    """Find gains and their certificate.
+    """Compute gains and their certificate.
 
     Parameters
     ----------
     design : LoopDesign
-        What to design for.
+        Design data.
     progress : callable, optional
-        Told what is being done, and the share that is done, 0 to 1.
+        Called with the name of the present step and the share done, 0 to 1.
 
     Returns
     -------
     Certificate
-        Its inequalities hold on the grid; `traction_controller.synthesis.certificate.check` looks
-        in between. Its performance is dimensionless.
+        Its inequalities hold on the grid; `traction_controller.synthesis.certificate.check` checks
+        between grid points. Its performance is dimensionless.
 
     Raises
     ------
     SynthesisError
-        If cvxpy is not installed, there are no such gains, or the solver gives up.
+        If cvxpy is not installed, the problem is infeasible, or the solver fails.
     """
     tell = progress or (lambda text, share: None)
     tell('finding gains', 0.0)
@@ -103,7 +103,7 @@ def synthesize(
         design=design,
         gains=gains.tolist(),
         performance=_rounded(_RELAXED * performance).tolist(),
-        # A larger V leaves room for z.
+        # A larger V allows a larger z.
         lyapunov=_rounded(
             packed if design.kind == 'hinf' else packed * math.sqrt(_RELAXED)
         ).tolist(),
@@ -121,13 +121,13 @@ def synthesize(
 
 
 def _rounded(values: Array) -> Array:
-    """Round to nine digits: more than the proof needs, and files stay readable."""
+    """Round to nine digits, enough for the proof and short enough for readable files."""
     size = 10.0 ** (8 - np.floor(np.log10(np.maximum(np.abs(values), 1e-300))))
     return np.asarray(np.round(values * size) / size)
 
 
 def _cvxpy() -> Any:
-    """Import cvxpy: late, as it takes most of a second and only synthesis needs it."""
+    """Import cvxpy on demand: it takes most of a second and only synthesis needs it."""
     try:
         import cvxpy
     except ImportError as error:
@@ -142,7 +142,7 @@ def _open_loop(design: LoopDesign, pole: float, lag: float) -> tuple[Array, Arra
     size = np.ones(design.n_states)
     size[TORQUE:] = design.torque_factor(np.array(pole))
     A = loop.A * size / size[:, None]
-    # The command counts over G and the torque factor, too.
+    # The command is over G and the torque factor, too.
     B = (loop.B / size * size[TORQUE])[:, None]
     E = loop.E / size[:, None]
     E[:, 0] *= size[MOMENT]
@@ -158,7 +158,7 @@ def _weights(design: LoopDesign) -> tuple[float, float]:
 
 
 def _as_gains(design: LoopDesign, K: Array) -> Array:
-    """Gains as a table has them, from feedbacks over G and the torque factor, shape (grid, s)."""
+    """Gains of a table from feedback over G and the torque factor, shape (grid, s)."""
     size = np.ones((design.grid, design.n_states))
     size[:, TORQUE:] = design.torque_factor(design.poles)[:, None]
     K = -K / size * size[:, TORQUE, None]
@@ -208,7 +208,7 @@ def _hinf_gains(design: LoopDesign) -> Array:
             A, B, E = unscaled @ A @ scaled, unscaled @ B, unscaled @ E
             L = cp.Variable((s, s), symmetric=True)
             for there, scale in moves(design, places):
-                # X is an inverse: it grows where P shrinks.
+                # X is the inverse of P: it grows when P shrinks.
                 size = np.ones(s)
                 size[TORQUE:] = 1 / scale[0]
                 moved = np.diag(size) @ _at(X_lag, float(there[0])) @ np.diag(size)
@@ -279,11 +279,11 @@ def _proof(
 
 
 def _solve(cp: Any, objective: Any, constraints: list[Any]) -> None:
-    """Minimise, or say why not."""
+    """Minimise; raises SynthesisError with the reason."""
     problem = cp.Problem(cp.Minimize(objective), constraints)
     try:
         with warnings.catch_warnings():
-            # What the solver calls inaccurate is judged by the check, which does not rest on it.
+            # The check decides on inaccurate solutions; it does not depend on the solver.
             warnings.filterwarnings('ignore', message='Solution may be inaccurate')
             problem.solve(
                 solver=cp.CLARABEL,
@@ -306,7 +306,7 @@ def _solve(cp: Any, objective: Any, constraints: list[Any]) -> None:
 
 
 def _at(values: Any, place: float) -> Any:
-    """Interpolate variables linearly at a fractional place."""
+    """Interpolate variables linearly at a fractional index."""
     low = min(int(place), _length(values) - 2)
     share = place - low
     if share < 1e-12:

@@ -1,23 +1,22 @@
-"""The slip loop that gains are designed for: one wheel, its drive's lag and delay, sampled.
+"""Sampled slip loop for synthesis: one wheel with lag and delay of its drive.
 
-While a wheel drives, its slip obeys ``i' = (1 - i)/(J*omega)*(T - M - A)``, with M the torque that
-acts against the shaft (soil and bearings) and ``A = J*omega*v'/v`` the torque that the vehicle's
-own acceleration takes. Counted over ``G = J*omega/(1 - i)``, torques are
+Slip of a driving wheel: ``i' = (1 - i)/(J*omega)*(T - M - A)``, with M the torque against the
+shaft (soil and bearings) and ``A = J*omega*v'/v`` the torque for the acceleration of the vehicle.
+With torques over ``G = J*omega/(1 - i)``:
 
     i' = q - m,   q' = (c - q)/lag,   m' = p*(q - m),   p = r*C/G
 
-q the shaft's, c the command that arrives, m that of the soil. So G is known exactly, from rim
-speed, and what is known badly, the slip stiffness C, enters by the slip pole p alone, as a
-damping. M and A are measured, and commands count relative to them: then every state is 0 in
-steady motion whatever the soil, and the control law is a constant matrix on them. That is the
-slip-state form of the LPV model of Agriculture 2024, 14(3), 499, with the soil's moment as a
-measured disturbance. It is not linearised in slip: the soil's moment may take any
-course, and p says how fast it follows slip.
+with q of the shaft, c of the delayed command and m of the soil. Rim speed gives G exactly. The
+uncertain slip stiffness C appears only in the slip pole p, as damping. M and A are measured, and
+commands are relative to them. So every state is 0 in steady motion on any soil, and the control
+law is a constant matrix on the states. This is the slip-state form of the LPV model of Agriculture
+2024, 14(3), 499, with the moment of the soil as a measured disturbance. It is not linearised in
+slip: the moment may have any time course, and p is the rate at which it follows slip.
 
-The loop is built here and not from `traction_model.lpv.model.LpvModel`. An `LpvModel` is a whole
-vehicle on a given soil, its matrices exact at each scheduling vector. A certificate must hold on
-any soil, so it takes one wheel and a range of the slip pole p. The laws pi and lqi use only
-`slip_dynamics` and `sampled` of `traction_model.lpv`.
+The loop does not use `traction_model.lpv.model.LpvModel`. An `LpvModel` is a whole vehicle on a
+given soil, with matrices exact at each scheduling vector. A certificate must hold on any soil, so
+it has one wheel and a range of the slip pole p. The laws pi and lqi use only `slip_dynamics` and
+`sampled` of `traction_model.lpv`.
 """
 
 from typing import NamedTuple
@@ -31,15 +30,15 @@ from traction_model.vehicle.wheel import Wheel
 Array = NDArray[np.float64]
 
 ERROR, TORQUE, MOMENT, FIRST_COMMAND = range(4)
-"""The state: slip error i - target; then, all less the measured moment m_f and over G (1/s):
-shaft torque, the soil's moment, and the commands sent 1, 2, ... samples ago."""
+"""States: slip error i - target; then, all less the measured moment m_f and over G (1/s): shaft
+torque, moment of the soil, and the commands sent 1, 2, ... samples ago."""
 
 SOIL, TARGET = range(2)
-"""The disturbances: jumps of the soil's moment over G, 1/s, and of the target."""
+"""Disturbances: jumps of the moment of the soil over G, 1/s, and of the target."""
 
 
 class SlipLoop(NamedTuple):
-    """The sampled loop ``x+ = A*x + B*u + E*w``, u the command less the measured moment.
+    """Sampled loop ``x+ = A*x + B*u + E*w``; u is the command less the measured moment.
 
     Attributes
     ----------
@@ -48,7 +47,7 @@ class SlipLoop(NamedTuple):
     B : ndarray, shape (..., s)
         Input vector, 1 and 1/s as the states.
     E : ndarray, shape (..., s, 2)
-        What the disturbances do, 1 and 1/s as the states.
+        Disturbance matrix, 1 and 1/s as the states.
     """
 
     A: Array
@@ -101,7 +100,7 @@ def slip_pole(wheel: Wheel, rim_speed: float, stiffness: float, slip: float) -> 
 def slip_loop(
     pole: ArrayLike, lag: ArrayLike, period: float, delay: int, commands: int, moment_time: float
 ) -> SlipLoop:
-    """Sample the loop exactly, commands held over the period.
+    """Exactly sampled loop with commands held over the period.
 
     Parameters
     ----------
@@ -114,17 +113,17 @@ def slip_loop(
     delay : int
         Samples from a command to its arrival at the drive, at least 1.
     commands : int
-        Number of commands that the state holds, at least `delay`.
+        Number of commands in the state, at least `delay`.
     moment_time : float
         Time constant of the measured moment, s, above 0.
 
     Returns
     -------
     SlipLoop
-        With the leading shape of `pole`; 1 and 1/s.
+        Matrices with the leading shape of `pole`; 1 and 1/s.
     """
     p, lag = np.broadcast_arrays(np.asarray(pole, dtype=float), np.asarray(lag, dtype=float))
-    # Slip, shaft torque, moment, measured moment, arriving command; not yet less the measured.
+    # Slip, shaft torque, moment, measured moment, delayed command; moment not yet subtracted.
     slope = np.zeros((*p.shape, 5, 5))
     slope[..., 0, 1], slope[..., 0, 2] = 1.0, -1.0
     slope[..., 1, 1], slope[..., 1, 4] = -1 / lag, 1 / lag
@@ -139,7 +138,7 @@ def slip_loop(
     plain[..., 4, 3] = 1.0
     for k in range(5, size):
         plain[..., k, k - 1] = 1.0
-    # Less the measured moment: a shift of all torques alike changes none of the differences.
+    # Subtract the measured moment: a common shift of all torques changes no difference.
     less = np.delete(np.eye(size), 3, axis=0)
     less[1:, 3] = -1.0
     back = np.delete(np.eye(size), 3, axis=1)
