@@ -1,13 +1,13 @@
-"""Driveline: which wheels are driven, which of them are controlled as one, and how they turn.
+"""Driveline: driven axles, groups of wheels with one drive torque, and differentials.
 
-Wheels that one torque drives form a group: every wheel by itself where each has its own motor,
-the wheels of an axle behind a differential, or all of them behind one engine. In a group
+Wheels with one drive torque form a group: a single wheel with its own motor, the wheels of an axle
+behind a differential, or all wheels behind one engine. In a group
 
-- torque is split as the request splits it;
-- with *open* differentials wheels turn as the soil lets them, and what one wheel can bear bounds
-  the torque of all: the slip that counts is the largest along the request;
-- with *locked* differentials wheels turn alike: the slip that counts is that of their common
-  (mean) rim speed.
+- torque is divided in the ratio of the request;
+- with *open* differentials wheel speeds differ, and the wheel with the least traction limits the
+  torque of all: the slip of the group is the largest in the direction of the request;
+- with *locked* differentials wheel speeds are equal: the slip of the group is that of the mean rim
+  speed.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from traction_model.vehicle.vehicle import Vehicle
 
 
 class Grouping(IntEnum):
-    """Wheels that are controlled as one, numbered as in the ControllerState message."""
+    """Wheels that form a control group, numbered as in the ControllerState message."""
 
     WHEEL = 0
     AXLE = 1
@@ -36,7 +36,7 @@ DRIVEN_AXLES = ('all', 'front', 'rear')
 
 
 def driven_axles(vehicle: Vehicle, which: str) -> tuple[int, ...]:
-    """Find the driven axles of a vehicle.
+    """Driven axles of a vehicle.
 
     Parameters
     ----------
@@ -67,14 +67,14 @@ def driven_axles(vehicle: Vehicle, which: str) -> tuple[int, ...]:
 def wheel_groups(
     vehicle: Vehicle, grouping: Grouping, driven: Sequence[int]
 ) -> list[tuple[int, ...]]:
-    """Group the driven wheels of a vehicle.
+    """Control groups of the driven wheels of a vehicle.
 
     Parameters
     ----------
     vehicle : Vehicle
         The vehicle.
     grouping : Grouping
-        Which wheels are controlled as one.
+        Kind of group.
     driven : sequence of int
         Indices of the driven axles.
 

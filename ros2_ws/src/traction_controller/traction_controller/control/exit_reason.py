@@ -1,9 +1,9 @@
 """Limit status and exit reasons of slip control, in the words and numbers of ISO 11783-7.
 
-ISO 11783-7 has a limit status of 3 bits and an exit/reason code of 6 bits with every function
-that may be commanded over the bus. The numbers here are those that AgIsoStack++ (Open-Agriculture,
-MIT licence) gives for the machine selected speed, and for guidance where that has no such code
-(vehicle speed too low). What ISO has no word for is numbered from 64, beyond its 6 bits.
+ISO 11783-7 has a limit status of 3 bits and an exit/reason code of 6 bits for every function that
+can be commanded over the bus. The numbers are those of AgIsoStack++ (Open-Agriculture, MIT
+licence) for the machine selected speed, or for guidance if the former has no such code (vehicle
+speed too low). Reasons without an ISO code start at 64, beyond its 6 bits.
 """
 
 from enum import IntEnum
@@ -21,14 +21,14 @@ class LimitStatus(IntEnum):
 
 
 class ExitReason(IntEnum):
-    """Why a wheel is not under slip control."""
+    """Reason for a wheel not being under slip control."""
 
     ALL_CLEAR = 0
     REMOTE_COMMAND_TIMEOUT = 5
     REMOTE_COMMAND_INVALID = 6
     FUNCTION_FAULT = 9
     VEHICLE_SPEED_TOO_LOW = 23
-    # Beyond what ISO 11783-7 numbers.
+    # Not in ISO 11783-7.
     SLIP_NOT_AVAILABLE = 64
     NOT_DRIVEN = 65
 
@@ -49,4 +49,4 @@ _WORDS = {
 }
 
 OPERATOR_CONTROLLED = 'operator controlled'
-"""Reason of what was changed by parameter or topic, in the words of the limit status."""
+"""Reason of changes by parameter or topic, in the words of the limit status."""

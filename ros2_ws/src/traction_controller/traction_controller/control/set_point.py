@@ -1,15 +1,15 @@
-"""Set-point seeker: the slip worth aiming at on the soil that is there.
+"""Set-point: the optimal slip target on the estimated soil.
 
-At a common slip the wheels take gross traction in and pass net traction on, and
+At a common slip of all wheels
 
     J(i) = (1 - w)*TE(i)/max(TE) + w*P(i)/max(P)
 
-weighs the tractive efficiency TE against the pull P; its greatest value within bounds is the
-goal. The forces are those of the contact form (`traction_model.contact.tractive`) on the nominal
-soil with cohesion and tan(phi) scaled so that it has the estimated maximum shear stress, and with
-the estimated shear deformation modulus K. They are computed once over a grid of strength, K and
-slip (some tenths of a second for two axles), so that finding the goal takes some tens of
-microseconds. The target follows the goal through a lag and no faster than a rate.
+weighs tractive efficiency TE against net traction P. Its maximum within the bounds is the goal.
+The forces are those of the contact form (`traction_model.contact.tractive`) on the nominal soil,
+with cohesion and tan(phi) scaled to the estimated maximum shear stress and with the estimated
+shear deformation modulus K. They are computed once over a grid of strength, K and slip (some
+tenths of a second for two axles); an evaluation then takes some tens of microseconds. The target
+follows the goal with a lag and a rate limit.
 """
 
 import math
@@ -23,42 +23,42 @@ from traction_model.soil.soil import Soil
 from traction_model.vehicle.vehicle import Vehicle
 from traction_model.vehicle.wheel import Wheel
 
-# Grids: strength and K in multiples of the nominal soil's, even in their logarithms.
+# Grids: strength and K over those of the nominal soil, uniform in their logarithms.
 _STRENGTHS = np.geomspace(0.2, 5.0, 13)
 _MODULI = np.geomspace(0.25, 4.0, 9)
 _SLIPS = np.linspace(0.01, 0.6, 60)
 
 
 class SetPoint:
-    """Seeks the slip target from the estimated soil.
+    """Slip target from the estimated soil.
 
     Parameters
     ----------
     vehicle : Vehicle
         The vehicle.
     soil : Soil
-        The nominal soil, the same as the estimator's: maximum shear stress is estimated over
-        the contact area on it.
+        Nominal soil, the same as in the estimator, whose maximum shear stress refers to the
+        contact area on it.
     weight : float
-        w: 0 for the greatest tractive efficiency, 1 for the greatest pull.
+        w: 0 for maximum tractive efficiency, 1 for maximum net traction.
     low, high : float
         Bounds of the target, slip, 0.01 to 0.6.
     rate : float
-        Fastest change of the target, slip per second (1/s), above 0.
+        Limit of the rate of the target, slip per second (1/s), above 0.
     time_constant : float
         Lag of the target behind the goal, s, above 0.
 
     Attributes
     ----------
     target : float or None
-        Slip to aim at now; None before a soil is known.
+        Present target, slip; None before a soil is known.
     goal : float or None
-        Slip that is best on the soil as estimated last.
+        Optimal slip on the newest estimated soil.
 
     Raises
     ------
     ValueError
-        Naming the argument that is out of range, or if the nominal soil does not carry a wheel.
+        If an argument is out of range, or the nominal soil does not carry a wheel.
     """
 
     def __init__(
@@ -79,7 +79,7 @@ class SetPoint:
         self.set_weight(weight)
         self.low, self.high, self.rate, self.time_constant = low, high, rate, time_constant
         self._modulus = soil.shear_deformation_modulus
-        # Of every wheel: nominal maximum shear stress, Pa, and where its curves are.
+        # For every wheel: nominal maximum shear stress, Pa, and index of its curves.
         self._nominal: list[float] = []
         self._kind: list[int] = []
         kinds: list[tuple[Wheel, float]] = []
@@ -90,7 +90,7 @@ class SetPoint:
             if (wheel, load) not in kinds:
                 kinds.append((wheel, load))
             self._kind.append(kinds.index((wheel, load)))
-        # Of every kind of wheel: gross and net traction over slip, N, by strength and K.
+        # For every kind of wheel: gross and net traction over slip, N, by strength and K.
         self._curves = []
         for wheel, load in kinds:
             curves = np.empty((len(_STRENGTHS), len(_MODULI), 2, len(_SLIPS)))
@@ -103,14 +103,14 @@ class SetPoint:
         self.reset()
 
     def reset(self) -> None:
-        """Forget soil, goal and target."""
-        # Strength and K of every wheel in multiples of the nominal soil's; None: not known.
+        """Reset soil, goal and target."""
+        # Strength and K of every wheel over those of the nominal soil; None: unknown.
         self._soils: list[tuple[float, float] | None] = [None] * len(self._nominal)
         self.target: float | None = None
         self.goal: float | None = None
 
     def set_weight(self, weight: float) -> None:
-        """Weigh pull otherwise against efficiency.
+        """Set the weight of net traction against efficiency.
 
         Parameters
         ----------
@@ -120,7 +120,7 @@ class SetPoint:
         Raises
         ------
         ValueError
-            If it is not within 0 to 1.
+            If it is outside 0 to 1.
         """
         if not 0 <= weight <= 1:
             raise ValueError(f'weight must be 0 (efficiency) to 1 (pull), got {weight}')
@@ -134,25 +134,25 @@ class SetPoint:
         valid: Sequence[bool],
         shear_deformation_modulus: Sequence[float] | None = None,
     ) -> float | None:
-        """Take in a terrain estimate and move the target.
+        """Update the target with a terrain estimate.
 
         Parameters
         ----------
         dt : float
             Time since the last update, s, at least 0.
         present : float
-            Slip target in force: where the first target starts from.
+            Slip target in force, the initial value of the target.
         max_shear_stress : sequence of float
-            Of every wheel, Pa.
+            Maximum shear stress of every wheel, Pa.
         valid : sequence of bool
-            Whether each means anything; what was known of the others before still holds.
+            True for valid values; for the others the last valid one is used.
         shear_deformation_modulus : sequence of float or None
-            K of every wheel, m; NaN or None: the nominal soil's.
+            K of every wheel, m; NaN or None: that of the nominal soil.
 
         Returns
         -------
         float or None
-            The target, slip; None as long as no wheel's soil has been known.
+            The target, slip; None before the soil of a wheel is known.
         """
         for j, stress in enumerate(max_shear_stress):
             if valid[j] and math.isfinite(stress) and stress > 0.0:
@@ -173,7 +173,7 @@ class SetPoint:
         return self.target
 
     def _best(self) -> float | None:
-        """Slip of the greatest J within the bounds; None where nothing is known or pulls."""
+        """Slip of maximum J within the bounds; None without known soil or net traction."""
         gross, net = np.zeros((2, len(_SLIPS)))
         for soil, kind in zip(self._soils, self._kind, strict=True):
             if soil is not None:
@@ -190,7 +190,7 @@ class SetPoint:
         best = int(np.argmax(worth))
         goal = float(_SLIPS[best])
         if within[best - 1 : best + 2].sum() == 3:
-            # Top of the parabola through the best and its neighbours.
+            # Vertex of the parabola through the best point and its neighbours.
             before, top, after = worth[best - 1 : best + 2]
             lean = float(0.5 * (before - after) / (before - 2.0 * top + after))
             goal += lean * float(_SLIPS[1] - _SLIPS[0])

@@ -1,9 +1,9 @@
 """Slip control: limits or holds the slip of wheels through their drive torque.
 
-A control law (`traction_controller.control.laws`) finds the torque of every wheel, or of every
-group of wheels that one torque drives (`traction_controller.control.wheel_group`). Every law
-starts from the torque that was sent in the last step, after all limits. So gains, modes, laws,
-groups and targets change without a bump, and torque that was cut off is not remembered.
+A control law (`traction_controller.control.laws`) computes the torque of every wheel, or of every
+group of wheels with one drive torque (`traction_controller.control.wheel_group`). Every law starts
+from the torque sent in the last step, after all limits. So changes of gains, modes, laws, groups
+and targets cause no jump of torque, and limits cause no windup.
 
 Anti-windup: if shaft torque stays below 90 % of the command for three lags, velocity-form laws
 continue from the measured torque.
@@ -63,7 +63,7 @@ class SlipControl:
     slip_target : float
         Slip to limit or hold, 0.01 to 0.9.
     mode : Mode
-        LIMIT only ever reduces the magnitude of the requested torque; HOLD regulates slip to
+        LIMIT only reduces the magnitude of the requested torque; HOLD regulates slip to
         the target with torques from 0 to `hold_torque` in the direction of the request; a
         request of 0 is no torque in either mode.
     lag : float
@@ -73,46 +73,46 @@ class SlipControl:
     law : str
         Name of the control law, one of `laws`.
     settings : mapping of str, optional
-        Settings of laws: for each name of a law its arguments by name, in their own units; a
-        mapping in place of an argument has that of every wheel, by the wheel's name.
+        Settings of laws: for each law its arguments by name, in their units. A mapping in place
+        of an argument has one value per wheel, by the wheel's name.
     laws : mapping of str to class
         Classes of the laws to choose from, by name; an evaluation adds its baselines.
     hold_torque : float or sequence of float
-        Largest torque in HOLD of every wheel, or of each, N·m, above 0: what the gate lets
-        through.
+        Largest torque in HOLD, one for all wheels or one each, N·m, above 0; not above the limit
+        of the gate.
     torque_rate : float or sequence of float
-        Fastest change of torque of every wheel, or of each, N·m/s, above 0: what the gate lets
-        through. A request that falls faster is followed at once.
+        Limit of the rate of torque, one for all wheels or one each, N·m/s, above 0; not above
+        that of the gate. A falling request is followed without a limit.
     min_speed : float
-        Speed below which slip is not acted on, m/s, above 0.
+        Speed below which slip is not controlled, m/s, above 0.
     grouping : Grouping
-        Which wheels are controlled as one.
+        Wheels that form a control group.
     differential : Differential
-        Whether the wheels of a group turn alike.
+        Differential between the wheels of a group.
     driven : str
-        Which axles are driven, see `traction_controller.control.driveline.DRIVEN_AXLES`; the
-        wheels of others get no torque.
+        Driven axles, one of `traction_controller.control.driveline.DRIVEN_AXLES`. The torque of
+        other wheels is 0.
 
     Attributes
     ----------
     outcomes : list of WheelOutcome
-        What was done with each wheel in the last step.
+        Result of the last step for each wheel.
     slip_target : float
-        The target in force, dimensionless.
+        Target in force, dimensionless.
     target_source : TargetSource
-        Where it comes from.
+        Source of the target.
     law : str
         Name of the law in force.
     grouping : Grouping
-        Which wheels are controlled as one.
+        Wheels that form a control group.
     differential : Differential
-        Whether the wheels of a group turn alike.
+        Differential between the wheels of a group.
     driven : str
-        Which axles are driven.
+        Driven axles.
     changes : list of str
-        What changed from the end of the last step but one to that of the last, and why, in the
-        words of ISO 11783-7: mode, law, driveline, source of the target, and whether and why
-        wheels are not, or not completely, under control.
+        Changes since the step before the last one, with reasons in the words of ISO 11783-7:
+        mode, law, driveline, source of the target, wheels that enter or leave control, missing
+        measurements.
     change_count : int
         Number of changes since the last reset, dimensionless.
     """
@@ -197,7 +197,7 @@ class SlipControl:
 
     @property
     def laws(self) -> list[SlipLaw]:
-        """The law in force of every wheel."""
+        """Law in force of every wheel."""
         return self._made[self.law]
 
     @property
@@ -212,7 +212,7 @@ class SlipControl:
             self._changed(f'mode {mode.name.lower()}', OPERATOR_CONTROLLED)
 
     def reset(self) -> None:
-        """Begin anew: no torque sent, no slip seen, no fault, no change."""
+        """Reset to the initial state: no torque sent, no fault, no change."""
         for wheel in self._wheels:
             wheel.reset()
         self.outcomes[:] = [wheel.outcome for wheel in self._wheels]
@@ -228,7 +228,7 @@ class SlipControl:
 
     @classmethod
     def check_target(cls, slip_target: float) -> None:
-        """Refuse what cannot be a slip target.
+        """Check a slip target.
 
         Parameters
         ----------
@@ -238,7 +238,7 @@ class SlipControl:
         Raises
         ------
         ValueError
-            If it is not within 0.01 to 0.9.
+            If it is outside 0.01 to 0.9.
         """
         if not cls.MIN_TARGET <= slip_target <= cls.MAX_TARGET:
             raise ValueError(
@@ -248,14 +248,14 @@ class SlipControl:
     def set_target(
         self, slip_target: float, source: TargetSource = TargetSource.PARAMETER
     ) -> None:
-        """Change the target; gains stay those of the target that the law was made for.
+        """Set the target; the gains of the law are not changed.
 
         Parameters
         ----------
         slip_target : float
             0.01 to 0.9.
         source : TargetSource
-            Where it comes from.
+            Source of the target.
 
         Raises
         ------
@@ -269,7 +269,7 @@ class SlipControl:
             self._changed(f'target from {source.words}', OPERATOR_CONTROLLED)
 
     def prepare(self, law: str) -> None:
-        """Make a law, so that a later `set_law` takes no time.
+        """Construct a law in advance, so that `set_law` is fast.
 
         Parameters
         ----------
@@ -279,7 +279,7 @@ class SlipControl:
         Raises
         ------
         ValueError
-            If there is no such law, or it cannot be made with its settings.
+            If there is no such law, or its settings are invalid.
         """
         if law not in self._made:
             self._made[law] = [
@@ -307,7 +307,7 @@ class SlipControl:
         return found
 
     def set_law(self, law: str) -> None:
-        """Change the control law; the torque goes on from where it is.
+        """Set the control law; the torque continues without a jump.
 
         Parameters
         ----------
@@ -317,7 +317,7 @@ class SlipControl:
         Raises
         ------
         ValueError
-            As of `prepare`; the law stays what it was.
+            As for `prepare`; the law is then unchanged.
         """
         self.prepare(law)
         if law != self.law:
@@ -329,21 +329,21 @@ class SlipControl:
             self._changed(f'law {law}', OPERATOR_CONTROLLED)
 
     def set_driveline(self, grouping: Grouping, differential: Differential, driven: str) -> None:
-        """Change which wheels are driven and controlled as one; torques go over step by step.
+        """Set driven axles and groups; torques change gradually.
 
         Parameters
         ----------
         grouping : Grouping
-            Which wheels are controlled as one.
+            Wheels that form a control group.
         differential : Differential
-            Whether the wheels of a group turn alike.
+            Differential between the wheels of a group.
         driven : str
-            Which axles are driven.
+            Driven axles.
 
         Raises
         ------
         ValueError
-            If the vehicle has no such axle; everything stays what it was.
+            If the vehicle has no such axle. The driveline is then unchanged.
         """
         groups = wheel_groups(self.vehicle, grouping, driven_axles(self.vehicle, driven))
         if (grouping, driven) != (self.grouping, self.driven):
@@ -372,7 +372,7 @@ class SlipControl:
         shaft_torque: Sequence[float] | None,
         request: Sequence[float] | None,
     ) -> list[WheelOutcome]:
-        """Find the torque of every wheel from a new slip state.
+        """Compute the torque of every wheel for a new slip state.
 
         Parameters
         ----------
@@ -416,7 +416,7 @@ class SlipControl:
         return outcomes
 
     def _safe_target(self, group: WheelGroup, state: SlipState) -> float:
-        """Target of a group; while speed is not measured, less by the deviation of slip."""
+        """Target of a group, reduced by the deviation of slip while speed is not measured."""
         target = self.slip_target
         if state.speed_measured:
             return target
@@ -427,7 +427,7 @@ class SlipControl:
         return max(target - doubt, self.MIN_TARGET)
 
     def _idle(self, dt: float) -> None:
-        """Take the torque off wheels that are not driven."""
+        """Set the torque of undriven wheels to 0."""
         driven = {wheel for group in self._groups for wheel in group.wheels}
         for wheel in self._wheels:
             if wheel not in driven:
@@ -441,7 +441,7 @@ class SlipControl:
                 outcome.gains = NO_GAINS
 
     def _tell_changes(self, before: Sequence[tuple[ExitReason, Degraded]]) -> None:
-        """Say which wheels came under control, left it, or do without something else."""
+        """Record wheels that enter or leave control, or whose missing input changed."""
         wheels: dict[str, list[str]] = {}
         for name, outcome, (reason, degraded) in zip(
             self._names, self.outcomes, before, strict=True

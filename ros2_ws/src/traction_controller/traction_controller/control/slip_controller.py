@@ -1,7 +1,7 @@
-"""Slip controller: slip control and all it is told, from the node's parameters to its torques.
+"""Slip controller: slip control with its inputs, set-point and parameters.
 
-`SlipController` is what the node `slip_controller` does without its messages. The replay, the
-closed loop and the node run this same object.
+`SlipController` is the core of the node `slip_controller`. The replay, the closed loop of the
+evaluation and the node use the same class.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -20,48 +20,48 @@ from traction_controller.synthesis.gain_table import find_gain_table, read_gain_
 from traction_model.soil.soil import load_soil
 from traction_model.vehicle.vehicle import load_vehicle
 
-# Stamps are whole nanoseconds: to 9 decimals the time between two of them is exact.
+# Stamps are whole nanoseconds: rounded to 9 decimals, their differences are exact.
 _DECIMALS = 9
 
 
 class SlipController:
     """Slip control with its set-point, the torque request and the shaft torques.
 
-    Inputs come with their time and in any order; every slip estimate is answered with torques.
-    Times of one clock, that of the messages' stamps, are counted from any one instant. The request
-    is watched by another clock, one that is never set: whoever asks for torque must be heard.
+    Inputs have times and come in any order; each slip estimate returns torques. Times are those of
+    the messages' stamps, from any origin. The timeout of the request uses a second clock, which is
+    never set, so that it also works when the first one stops or jumps.
 
     Parameters
     ----------
     control : SlipControl
-        Finds the torques.
+        Computes the torques.
     set_point : SetPoint or None
-        Seeks the slip target; None: the target is given.
+        Computes the slip target; None: a given target is used.
     period : float
         Nominal time between two slip estimates, s, above 0.
     request_timeout : float
-        Silence after which a request counts as none, s, above 0.
+        Time without a request after which the request is none, s, above 0.
     torque_timeout : float
-        Age against the slip estimate from which shaft torque is missing, s, above 0.
+        Age relative to the slip estimate from which shaft torque is missing, s, above 0.
 
     Attributes
     ----------
     control : SlipControl
-        Finds the torques; has the state of every wheel, mode, law and target.
+        Computes the torques; has the state of every wheel, mode, law and target.
     set_point : SetPoint or None
-        Seeks the slip target.
+        Computes the slip target.
     request : sequence of float or None
-        Request acted on in the last step, N·m, forward positive; None: there was none in time.
+        Request used in the last step, N·m, forward positive; None: missing or too old.
     request_timeout, torque_timeout : float
         As given, s.
     lpv_refused : str
-        Why the law lpv cannot be chosen; empty where it can, or has no gain table.
+        Reason why the law lpv cannot be used; empty if it can, or if there is no gain table.
     """
 
     SET_POINT_PERIOD = 1.0
-    """Least time between two updates of the set-point, s: soil changes no faster."""
+    """Shortest time between two updates of the set-point, s; soil changes more slowly."""
 
-    # After a gap, periods that count at once.
+    # Limit of a time step after a gap, in periods.
     _MAX_PERIODS = 5.0
 
     def __init__(
@@ -88,7 +88,7 @@ class SlipController:
         laws: Mapping[str, Callable[..., SlipLaw]] = LAWS,
         settings: Mapping[str, Mapping[str, Any]] | None = None,
     ) -> 'SlipController':
-        """Build a controller from the parameters of the node `slip_controller`.
+        """Construct a controller from the parameters of the node `slip_controller`.
 
         Parameters
         ----------
@@ -97,18 +97,17 @@ class SlipController:
         laws : mapping of str to class
             Classes of the laws to choose from, by name; an evaluation adds its baselines.
         settings : mapping of str, optional
-            Settings of those laws that have no parameters: by name of the law, the arguments of
-            its class by name.
+            Settings of laws without parameters: for each law the arguments of its class, by name.
 
         Returns
         -------
         SlipController
-            Its memory empty.
+            Controller in its initial state.
 
         Raises
         ------
         ValueError
-            If a vehicle, soil or gain table cannot be loaded, or does not fit the others.
+            If a vehicle, soil or gain table cannot be loaded, or they contradict each other.
         """
         vehicle = load_vehicle(p.vehicle)
         period = 1.0 / p.rate
@@ -148,7 +147,7 @@ class SlipController:
             differential=Differential[p.differential.upper()],
             driven=p.driven_axles,
         )
-        # Changing to another law must not take time while the vehicle drives.
+        # A change of law must be fast while the vehicle drives.
         for law in laws:
             if law != 'lpv' or law in chosen:
                 control.prepare(law)
@@ -175,7 +174,7 @@ class SlipController:
 
     @staticmethod
     def check_parameters(p: SimpleNamespace) -> None:
-        """Refuse parameters that do not fit one another, before anything is built.
+        """Check parameters without construction of a controller.
 
         Parameters
         ----------
@@ -185,7 +184,7 @@ class SlipController:
         Raises
         ------
         ValueError
-            Naming what cannot be loaded or does not fit.
+            If a file cannot be loaded, or parameters contradict each other.
         """
         vehicle = load_vehicle(p.vehicle)
         wheels = len(vehicle.wheels)
@@ -204,19 +203,19 @@ class SlipController:
                 )
 
     def set_parameters(self, p: SimpleNamespace, names: Sequence[str]) -> None:
-        """Change what may change at run time; the torques go on from where they are.
+        """Apply parameters that can change at run time; torques continue without a jump.
 
         Parameters
         ----------
         p : SimpleNamespace
             Value of every parameter by its name, in its unit.
         names : sequence of str
-            Parameters that were set: a target that came by topic stands until its parameter is.
+            Parameters that were set. A target by topic stays in force until `slip_target` is set.
 
         Raises
         ------
         ValueError
-            If the law, axles or target cannot be chosen.
+            If law, axles or target are invalid.
         """
         control = self.control
         control.mode = Mode[p.mode.upper()]
@@ -231,7 +230,7 @@ class SlipController:
         self.request_timeout, self.torque_timeout = p.request_timeout, p.torque_timeout
 
     def reset(self) -> None:
-        """Begin anew: no request, no torque, no slip; the target is the one given last."""
+        """Reset to the initial state: no request, no torque; the newest given target is kept."""
         self.control.set_target(*self._given)
         self.control.reset()
         if self.set_point is not None:
@@ -245,7 +244,7 @@ class SlipController:
         self._slip_time: float | None = None
 
     def wheel_states(self, t: float, torque: Sequence[float] | None) -> None:
-        """Take in measured shaft torques.
+        """Set measured shaft torques.
 
         Parameters
         ----------
@@ -257,7 +256,7 @@ class SlipController:
         self._shaft_torque, self._shaft_time = torque, t
 
     def torque_request(self, steady_time: float, torque: Sequence[float]) -> None:
-        """Take in a torque request.
+        """Set the torque request.
 
         Parameters
         ----------
@@ -269,7 +268,7 @@ class SlipController:
         self._asked, self._asked_at = torque, steady_time
 
     def slip_target(self, target: float) -> None:
-        """Take in a target by topic; while one is sought, it is kept for later.
+        """Set the target by topic; with a set-point it is stored for later.
 
         Parameters
         ----------
@@ -296,18 +295,18 @@ class SlipController:
         valid: Sequence[bool],
         shear_deformation_modulus: Sequence[float] | None = None,
     ) -> None:
-        """Take in a terrain estimate: it moves the set-point, once a `SET_POINT_PERIOD`.
+        """Update the set-point with a terrain estimate, once per `SET_POINT_PERIOD`.
 
         Parameters
         ----------
         t : float
             Time of the estimate, s.
         max_shear_stress : sequence of float
-            Of every wheel, Pa.
+            Maximum shear stress of every wheel, Pa.
         valid : sequence of bool
-            Whether each means anything.
+            True for valid values.
         shear_deformation_modulus : sequence of float or None
-            K of every wheel, m; NaN or None: not known.
+            K of every wheel, m; NaN or None: unknown.
         """
         if self.set_point is None:
             return
@@ -317,7 +316,7 @@ class SlipController:
             if 0.0 <= dt < self.SET_POINT_PERIOD:
                 return
         self._terrain_time = t
-        # After a gap no more than a few periods at once, and none where the clock was set back.
+        # At most a few periods after a gap, and none if the clock was set back.
         dt = min(max(dt, 0.0), self._MAX_PERIODS * self.SET_POINT_PERIOD)
         target = self.set_point.update(
             dt, self.control.slip_target, max_shear_stress, valid, shear_deformation_modulus
@@ -326,7 +325,7 @@ class SlipController:
             self.control.set_target(target, TargetSource.SET_POINT)
 
     def slip_estimate(self, t: float, steady_time: float, state: SlipState) -> list[WheelOutcome]:
-        """Find the torque of every wheel for a new slip estimate.
+        """Compute the torque of every wheel for a new slip estimate.
 
         Parameters
         ----------
@@ -335,17 +334,17 @@ class SlipController:
         steady_time : float
             Time of the clock that is never set, s.
         state : SlipState
-            The estimate, SI units.
+            Slip estimate, SI units.
 
         Returns
         -------
         list of WheelOutcome
-            What was done with each wheel; the same objects at every step.
+            Result for each wheel; the same objects at every step.
         """
         dt = 0.0 if self._slip_time is None else round(t - self._slip_time, _DECIMALS)
         self._slip_time = t
-        # After a gap no more than a few periods of integral action at once, and none where the
-        # clock was set back.
+        # Integral action over at most a few periods after a gap, and none if the clock was set
+        # back.
         dt = min(max(dt, 0.0), self._MAX_PERIODS * self._period)
         silent = steady_time - self._asked_at > self.request_timeout
         self.request = None if silent else self._asked

@@ -1,8 +1,8 @@
-"""Wheel group: wheels that are controlled as one, and the torque that one control law gives them.
+"""Wheel group: wheels with one control law.
 
-The torque of a group is that of one of its wheels, the reference. It is counted along the request:
-positive drives the way the request points, so that forward and backward are the same task. The
-share of a wheel is its torque per torque of the reference.
+The torque of a group is that of one of its wheels, the reference. It is positive in the direction
+of the request, so forward and backward are the same task. The share of a wheel is its torque over
+that of the reference.
 """
 
 import math
@@ -15,20 +15,20 @@ from traction_controller.control.slip_state import SlipState
 from traction_controller.control.wheel_outcome import NO_GAINS, Degraded, WheelOutcome
 from traction_model.slip import slip as slip_of
 
-# Slip stiffness before one is known, in static loads: firm soil, on which gains are low.
+# Initial slip stiffness over static load: firm soil, where gains are low.
 _FIRST_STIFFNESS = 5.0
 
 
 @dataclass(slots=True, eq=False)
 class DrivenWheel:
-    """Data of one wheel that its control needs, and its measurements of the present step.
+    """Data of one wheel for its control, with the measurements of the present step.
 
     Attributes
     ----------
     index : int
-        Place in `Vehicle.wheel_names`.
+        Index in `Vehicle.wheel_names`.
     radius : float
-        m.
+        Rolling radius, m.
     load : float
         Static load, N.
     friction : float
@@ -36,15 +36,15 @@ class DrivenWheel:
     hold_torque : float
         Largest torque in mode HOLD, N·m.
     torque_rate : float
-        Fastest change of torque, N·m/s.
+        Limit of the rate of torque, N·m/s.
     law : SlipLaw
         Law in force.
     stiffness : float
-        Slip stiffness known last, N.
+        Last known slip stiffness, N.
     expected_torque : float
         Shaft torque expected from the commands, N·m, forward positive.
     shaft_torque : float
-        Shaft torque, measured or else expected, N·m, forward positive.
+        Shaft torque, measured, or expected if missing, N·m, forward positive.
     outcome : WheelOutcome
         Result of the last step.
     """
@@ -62,23 +62,23 @@ class DrivenWheel:
     outcome: WheelOutcome = field(default_factory=WheelOutcome)
 
     def reset(self) -> None:
-        """Set torques to 0 and the slip stiffness to its first value; the law is kept."""
+        """Reset torques to 0 and the slip stiffness to its initial value; the law is kept."""
         self.stiffness = _FIRST_STIFFNESS * self.load
         self.expected_torque = 0.0
         self.shaft_torque = 0.0
         self.outcome = WheelOutcome()
 
     def measure(self, shaft_torque: float, speed_measured: bool, arriving: float) -> None:
-        """Take over the shaft torque; where it is missing, use what was sent, after the lag.
+        """Set the shaft torque; if it is missing, use the sent torque after the lag.
 
         Parameters
         ----------
         shaft_torque : float
-            Measured, N·m, forward positive; NaN where it is missing.
+            Measured torque, N·m, forward positive; NaN if missing.
         speed_measured : bool
-            Whether a sensor measures the speed over ground.
+            True if a sensor measures the speed over ground.
         arriving : float
-            Share of a change of command that arrives at the shaft within the step, 0 to 1.
+            Share of a change of command that reaches the shaft within the step, 0 to 1.
         """
         outcome = self.outcome
         self.expected_torque += arriving * (outcome.torque - self.expected_torque)
@@ -90,7 +90,7 @@ class DrivenWheel:
 
 
 class WheelGroup:
-    """Wheels that are controlled as one.
+    """Wheels with one control law.
 
     Parameters
     ----------
@@ -99,9 +99,9 @@ class WheelGroup:
     lag : float
         Time constant from commanded to shaft torque, s, above 0.
     min_speed : float
-        Speed below which slip is not acted on, m/s, above 0.
+        Speed below which slip is not controlled, m/s, above 0.
     locked : bool
-        Whether a locked differential makes the wheels turn alike.
+        True for a locked differential: equal wheel speeds.
 
     Attributes
     ----------
@@ -110,14 +110,14 @@ class WheelGroup:
     locked : bool
         As given; may change.
     released : float
-        How far the torque has gone back to the request since the group left control, 0 to 1.
+        Progress of the return of torque to the request since the group left control, 0 to 1.
     """
 
-    # Time in which a group that left control goes back to its request, and in which torques that
-    # another grouping left give way to the new one's, s.
+    # Time for the return to the request after control ends, and for the change of torques after a
+    # change of grouping, s.
     _RELEASE_TIME = 0.5
-    # Shaft torque is too low if it is below the expected one by a tenth of it and this share of
-    # the torque that lifts the static load at the radius. It counts after some lags.
+    # Shaft torque is too low if it is below the expected one by more than a tenth of it, plus this
+    # share of static load times radius, for some lags.
     _SHORT_OF_EXPECTED = 0.1
     _SHORT_OF_LOAD = 0.02
     _SHORT_LAGS = 3.0
@@ -130,23 +130,25 @@ class WheelGroup:
         self._lag, self._min_speed = lag, min_speed
         self._short_time = self._SHORT_LAGS * lag
         self._reading = WheelState()
-        # Of the present step: 1 forward, -1 backward, 0 where requests contradict each other.
+        # Direction of the present step: 1 forward, -1 backward, 0 if requests contradict each
+        # other.
         self._direction = 1.0
         self._reference = self.wheels[0]
         self._shares: Sequence[float] = (1.0,) * len(self.wheels)
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew: no torque sent, no law acting, no fault."""
-        # Torque of the reference that was really sent, N·m, forward positive.
+        """Reset to the initial state: no torque sent, no law in action, no fault."""
+        # Torque of the reference as sent, N·m, forward positive.
         self._sent = 0.0
-        # Wheel whose law acted in the last step; the law keeps its memory while it stays.
+        # Wheel whose law acted in the last step; the law keeps its state while the wheel is the
+        # same.
         self._acting: DrivenWheel | None = None
         self.released = 1.0
-        # For how long the shafts have had less torque than expected, s.
+        # Time for which shaft torque has been too low, s.
         self._short = 0.0
         self._faulty = False
-        # Part of the torques of the former groups that is still to fade, of each wheel, N·m.
+        # Remaining difference to the torques of the former groups, for each wheel, N·m.
         self._taking_over = False
         self._leftover: list[float] = []
         self._leftover_share = 0.0
@@ -157,13 +159,13 @@ class WheelGroup:
         Parameters
         ----------
         released : float
-            How far these had gone back to their requests, 0 to 1.
+            Progress of their return to the requests, 0 to 1.
         """
         self.released = released
         self._taking_over = True
 
     def restart_law(self) -> None:
-        """Let the law begin anew at the next step: it is another one than before."""
+        """Reset the law at the next step, after a change of law."""
         self._acting = None
 
     def step(
@@ -174,7 +176,7 @@ class WheelGroup:
         target: float,
         hold: bool,
     ) -> None:
-        """Find the torque of every wheel and write it to the wheel's `outcome`.
+        """Compute the torque of every wheel and write it to its `outcome`.
 
         Parameters
         ----------
@@ -183,12 +185,11 @@ class WheelGroup:
         state : SlipState
             Slip of all wheels of the vehicle, SI units.
         request : sequence of float or None
-            Requested torque of all wheels of the vehicle, N·m, forward positive; None: there is
-            none.
+            Requested torque of all wheels of the vehicle, N·m, forward positive; None: no request.
         target : float
             Slip to limit or hold, 0.01 to 0.9.
         hold : bool
-            Whether slip is held, not limited.
+            True to hold slip, false to limit it.
         """
         self._split(request)
         direction, shares = self._direction, self._shares
@@ -214,12 +215,12 @@ class WheelGroup:
                 sent = self._delivered(dt, sent)
             wanted = law.torque(self._reading, target, sent, dt)
             if law.velocity_form and self._short >= self._short_time:
-                # The drive delivers no more than this.
+                # The drive does not deliver more.
                 wanted = min(wanted, sent)
             gains = law.gains
             self.released = 0.0
             if not math.isfinite(wanted):
-                # The law is at fault until a reset.
+                # The fault of the law lasts until a reset.
                 self._faulty = True
                 reason, wanted = ExitReason.FUNCTION_FAULT, 0.0
         if reason is not ExitReason.ALL_CLEAR:
@@ -231,7 +232,7 @@ class WheelGroup:
             ):
                 wanted = self._release(dt, sent, abs(request[self._reference.index]))
             if reason is ExitReason.SLIP_NOT_AVAILABLE and not state.speed_measured:
-                # Without slip and speed, spinning wheels would not be seen.
+                # Without slip and speed, spinning wheels cannot be detected.
                 wanted = min(wanted, sent)
         torque = min(max(wanted, 0.0), max_torque)
         status = _limit_status(reason, wanted, torque)
@@ -256,7 +257,7 @@ class WheelGroup:
             outcome.gains = gains
 
     def _split(self, request: Sequence[float] | None) -> None:
-        """Find direction, reference and shares of the present step."""
+        """Set direction, reference and shares of the present step."""
         wheels = self.wheels
         self._direction = 1.0
         if request is not None:
@@ -275,8 +276,8 @@ class WheelGroup:
             self._reference = max(wheels, key=_load_of)
             self._shares = (1.0,) * len(wheels)
             return
-        # The reference has at least half of the largest request: the acting wheel if it has,
-        # otherwise the one that carries most.
+        # Reference: the wheel whose law acts if it has at least half of the largest request,
+        # otherwise the one of those with the largest load.
         asked = [wheel for wheel in wheels if abs(request[wheel.index]) >= 0.5 * largest]
         if self._acting in asked:
             self._reference = self._acting
@@ -298,9 +299,9 @@ class WheelGroup:
         return max_torque
 
     def _take_over(self) -> None:
-        """Go on from the torques that the wheels had in other groups.
+        """Continue from the torques that the wheels had in other groups.
 
-        The group sends to all wheels what the one with the least had; what others had more fades.
+        The group starts from the smallest torque; the excess of the others decays.
         """
         self._taking_over = False
         torques = [self._direction * wheel.outcome.torque for wheel in self.wheels]
@@ -319,11 +320,10 @@ class WheelGroup:
         self._leftover_share = 1.0
 
     def _read(self, state: SlipState) -> ExitReason:
-        """Find what the law is told, as if the reference alone were driven; why not, otherwise.
+        """Set the input of the law, as if only the reference were driven; returns the exit reason.
 
-        A wheel with another radius or share counts by the force that its rim would have at the
-        reference. With an open differential the wheel that slips most counts, with a locked one
-        the mean of all.
+        Wheels with another radius or share are scaled to the rim force of the reference. With an
+        open differential the wheel with the largest slip is used, with a locked one the mean.
         """
         reading, direction = self._reading, self._direction
         slips, valid, rim_speeds, speed = state.slip, state.valid, state.rim_speed, state.speed
@@ -332,7 +332,7 @@ class WheelGroup:
         common = self.locked and len(self.wheels) > 1
         slow = True
         found = 0
-        # Sums over the wheels that count; weight: how many references they are.
+        # Sums over the wheels in use; weight: their number of references.
         rim_speed = stiffness = traction = weight = 0.0
         largest_slip = -math.inf
         shaft = shaft_weight = 0.0
@@ -386,9 +386,9 @@ class WheelGroup:
         return ExitReason.ALL_CLEAR
 
     def _delivered(self, dt: float, sent: float) -> float:
-        """Torque that a law in velocity form continues from.
+        """Torque from which a law in velocity form continues.
 
-        It is the torque sent, or less where the shafts have had too little for some time.
+        The sent torque, or less after shaft torque has been too low for some time.
         """
         radius = self._reference.radius
         expected = weight = 0.0
@@ -409,14 +409,14 @@ class WheelGroup:
         return sent - (1.0 - math.exp(-dt / self._lag)) * missing
 
     def _release(self, dt: float, sent: float, request: float) -> float:
-        """Torque of a group that is not under control: it goes to the request step by step."""
+        """Torque of a group that is not under control: gradual return to the request."""
         self.released = min(1.0, self.released + dt / self._RELEASE_TIME)
         if request <= sent:
             return request
         return sent + self.released * (request - sent)
 
     def _within_rate(self, dt: float, sent: float, torque: float, max_torque: float) -> float:
-        """Torque of the reference that no wheel changes faster for than it may."""
+        """Torque of the reference within the rate limits of all wheels."""
         rate = math.inf
         for wheel, share in zip(self.wheels, self._shares, strict=True):
             if share > 0.0:
@@ -432,7 +432,7 @@ def _load_of(wheel: DrivenWheel) -> float:
 
 
 def _limit_status(reason: ExitReason, wanted: float, torque: float) -> LimitStatus:
-    """Say by what a torque is limited: by the request, at 0, or by slip."""
+    """Limit status of a torque: limited by the request, at 0, or by slip."""
     if reason is ExitReason.FUNCTION_FAULT:
         return LimitStatus.NON_RECOVERABLE_FAULT
     if reason is not ExitReason.ALL_CLEAR:

@@ -1,4 +1,4 @@
-"""Wheel outcome: the torque that slip control gives a wheel, and what it says of it."""
+"""Wheel outcome: torque of a wheel with limit status, exit reason and gains."""
 
 from dataclasses import dataclass
 from enum import IntFlag
@@ -6,11 +6,11 @@ from enum import IntFlag
 from traction_controller.control.exit_reason import ExitReason, LimitStatus
 
 NO_GAINS: tuple[float, ...] = (0.0, 0.0, 0.0)
-"""Gains of a wheel that no law acts on: N·m, 1, N·m/s."""
+"""Gains of a wheel without a law in action: N·m, 1, N·m/s."""
 
 
 class Degraded(IntFlag):
-    """Measurements that a wheel is controlled without, numbered as in ControllerState."""
+    """Missing measurements of a wheel under control, numbered as in ControllerState."""
 
     NONE = 0
     RADAR = 1
@@ -26,22 +26,22 @@ class Degraded(IntFlag):
 
 @dataclass
 class WheelOutcome:
-    """Torque of one wheel in the last step, and what led to it.
+    """Torque of one wheel in the last step, with its causes.
 
     Attributes
     ----------
     torque : float
         Commanded torque, N·m, forward positive.
     limit_status : LimitStatus
-        Whether and by what the torque is limited.
+        Limit of the torque, if any.
     exit_reason : ExitReason
-        Why the wheel is not under slip control; ALL_CLEAR when it is.
+        Reason for the wheel not being under slip control; ALL_CLEAR if it is.
     degraded : Degraded
-        Measurements that are missing.
+        Missing measurements.
     slip_target : float
-        Slip target acted on, dimensionless: lower than the one given while speed is not measured.
+        Slip target in use, dimensionless: reduced while speed is not measured.
     gains : tuple of float
-        Gains on slip (N·m), shaft torque (1) and integral (N·m/s), and what else the law has.
+        Gains on slip (N·m), shaft torque (1) and integral (N·m/s), and others of the law.
     """
 
     torque: float = 0.0

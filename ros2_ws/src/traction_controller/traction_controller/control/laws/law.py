@@ -1,9 +1,8 @@
 """Control law of one wheel: its interface, and the functions that laws share.
 
-A law acts on one wheel, or on a group of wheels as if it were one. All it is told is counted
-along the request: slip above 0 goes with the request, and so does torque. It starts
-from the torque that was really sent, after all limits. So its integral cannot wind up, and another
-law continues from where it stops.
+A law acts on one wheel, or on a group of wheels as if it were one. Slip and torque are positive in
+the direction of the request. A step starts from the torque that was sent, after all limits. So the
+integral cannot wind up, and another law can take over without a jump.
 """
 
 import math
@@ -16,22 +15,22 @@ from traction_model.vehicle.wheel import Wheel
 
 @dataclass(slots=True)
 class WheelState:
-    """State of a wheel as its law is told it; one and the same object at every step.
+    """State of a wheel for its law; the same object at every step.
 
     Attributes
     ----------
     slip : float
-        Slip along the request, -1 to 1.
+        Slip in the direction of the request, -1 to 1.
     rim_speed : float
-        r*omega, m/s; its magnitude counts.
+        r*omega, m/s; only its magnitude matters.
     speed : float
-        Speed over ground, m/s; its magnitude counts.
+        Speed over ground, m/s; only its magnitude matters.
     stiffness : float
         Slip stiffness, N: slope of gross traction over slip, at least 0.
     gross_traction : float
-        Gross traction, N, along the request.
+        Gross traction, N, in the direction of the request.
     shaft_torque : float
-        Shaft torque, N·m, along the request.
+        Shaft torque, N·m, in the direction of the request.
     """
 
     slip: float = 0.0
@@ -43,16 +42,16 @@ class WheelState:
 
 
 class SlipLaw(ABC):
-    """Law that brings the slip of a wheel to a target.
+    """Control law of the slip of a wheel.
 
     Attributes
     ----------
     gains : tuple of float
         Gains of the last step: on slip (N·m), on shaft torque (1), on the integral of the slip
-        error (N·m/s), and what else the law has; for the state message.
+        error (N·m/s), and others of the law; for the state message.
     velocity_form : bool
-        Whether each step adds to the torque sent, so that torque which is not delivered must come
-        off it. Other laws compute the whole torque from the state of the wheel.
+        True if each step adds an increment to the torque sent, so that it needs anti-windup.
+        Other laws compute the whole torque from the state of the wheel.
     """
 
     velocity_form: ClassVar[bool]
@@ -60,35 +59,35 @@ class SlipLaw(ABC):
 
     @abstractmethod
     def reset(self) -> None:
-        """Forget the past: the next step is the first."""
+        """Reset to the initial state."""
 
     @abstractmethod
     def torque(self, state: WheelState, target: float, sent: float, dt: float) -> float:
-        """Find the torque of one step.
+        """Compute the torque of one step.
 
         Parameters
         ----------
         state : WheelState
-            The wheel as it is, SI units.
+            State of the wheel, SI units.
         target : float
-            Slip to reach, 0.01 to 0.9.
+            Slip target, 0.01 to 0.9.
         sent : float
-            Torque that was really sent at the last step, after all limits, N·m.
+            Torque sent at the last step, after all limits, N·m.
         dt : float
             Time since the last step, s, at least 0.
 
         Returns
         -------
         float
-            Torque wanted, N·m, before limits.
+            Torque before limits, N·m.
         """
 
 
 class Takeover:
-    """Bumpless takeover: the torque that was sent before gives way to the one of a law.
+    """Bumpless transfer from the torque sent before to that of a law.
 
-    At the first step the law's torque is raised by an offset to the torque sent; the offset then
-    decays, ``offset(t) = offset(0)*exp(-t/time)``.
+    The offset between them at the first step is added to the torque of the law and decays,
+    ``offset(t) = offset(0)*exp(-t/time)``.
 
     Parameters
     ----------
@@ -106,18 +105,18 @@ class Takeover:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the offset: the next step takes over whatever torque was sent."""
+        """Reset the offset: the next step starts from the torque sent."""
         self._offset: float | None = None
 
     def torque(self, wanted: float, sent: float, dt: float) -> float:
-        """Add what is left of the offset.
+        """Add the decayed offset.
 
         Parameters
         ----------
         wanted : float
-            Torque that the law wants by itself, N·m.
+            Torque of the law, N·m.
         sent : float
-            Torque that was really sent at the last step, N·m.
+            Torque sent at the last step, N·m.
         dt : float
             Time since the last step, s, at least 0.
 
@@ -133,7 +132,7 @@ class Takeover:
 
 
 def soil_moment(wheel: Wheel, state: WheelState) -> float:
-    """Torque that balances soil and bearings of a wheel in steady motion.
+    """Torque against soil and bearings of a wheel in steady motion.
 
     Parameters
     ----------
@@ -152,19 +151,19 @@ def soil_moment(wheel: Wheel, state: WheelState) -> float:
 
 
 def checked(name: str, value: float) -> float:
-    """Refuse an argument that is not a number above 0.
+    """Check that an argument is a number above 0.
 
     Parameters
     ----------
     name : str
-        Its name, for the error.
+        Name for the error.
     value : float
-        Its value, any unit.
+        Value, in any unit.
 
     Returns
     -------
     float
-        The value, in its unit.
+        Value, in its unit.
 
     Raises
     ------

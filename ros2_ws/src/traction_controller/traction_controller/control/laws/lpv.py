@@ -1,15 +1,15 @@
-"""LPV law: the certified gains of a synthesised table, on the torque beyond what the soil takes.
+"""LPV law: measured load torque plus feedback with the certified gains of a table.
 
-What turns against the shaft is measured, ``M = r*F + b_f*omega`` with F the estimated thrust, and
-so is what the vehicle's own acceleration takes, ``A = J*omega*v'/v``. Slip changes by what the
-shaft has beyond them. So the law is a feedback from the slip error on top of them,
+Torque against the shaft is measured: ``M = r*F + b_f*omega`` with F the estimated gross traction,
+and ``A = J*omega*v'/v`` for the acceleration of the vehicle. The rest of the shaft torque changes
+the slip. The law is
 
     u = M + A + k_i*(target - slip) - k_T*(T - M - A) - sum_j k_u[j]*(u_j - M - A)
 
-T the shaft torque, u_j the torques sent j + 1 steps ago, with the table's gains at the present rim
-speed and slip stiffness. It uses only torques that were really sent
-and measured, so it cannot wind up. When the soil gives way, the torque falls as soon as the soil's
-moment does, whatever the estimate of its stiffness.
+with T the shaft torque, u_j the torques sent j + 1 steps ago, and the gains of the table at the
+present rim speed and slip stiffness. All torques in it were sent or measured, so it cannot wind
+up. If the soil fails, the torque falls with the moment of the soil, independent of the estimated
+stiffness.
 """
 
 from traction_controller.control.laws.law import (
@@ -33,19 +33,19 @@ class LpvLaw(SlipLaw):
     load : float
         Its static load, N, above 0.
     slip, lag, dt : float
-        As for every law, dimensionless, s and s; the table has been made for its own.
+        As for every law, dimensionless, s and s. The table has values of its own.
     gain_table : GainTable
         The table.
     takeover_time : float
-        Time constant with which the torque of another law gives way to this one's, s, above 0.
+        Time constant of the bumpless transfer from another law, s, above 0.
     acceleration_time : float
-        Time constant of the filter on the vehicle's acceleration, s, above 0.
+        Time constant of the filter of acceleration, s, above 0.
 
     Attributes
     ----------
     gains : tuple of float
-        Gains of the last step as the table gave them, on slip error, N·m, on shaft torque and on
-        commands, 1, with 0 N·m/s in between for the integral, which there is none of.
+        Gains of the last step: on slip error, N·m; on shaft torque, 1; on the integral, always
+        0 N·m/s; on commands, 1.
 
     Raises
     ------
@@ -55,9 +55,9 @@ class LpvLaw(SlipLaw):
 
     velocity_form = False
 
-    # Below this speed, m/s, acceleration is taken as at it: slip says little there.
+    # Smallest speed in v'/v, m/s.
     _SLOWEST = 0.3
-    # Largest relative acceleration v'/v that is followed, 1/s.
+    # Limit of the relative acceleration v'/v, 1/s.
     _MOST = 2.0
 
     def __init__(
@@ -81,7 +81,7 @@ class LpvLaw(SlipLaw):
         self.reset()
 
     def reset(self) -> None:
-        """Forget the past: the next step takes over whatever torque was sent."""
+        """Reset: the next step starts from the torque sent."""
         self._takeover.reset()
         self._last_speed: float | None = None
         self._acceleration = 0.0
@@ -89,7 +89,7 @@ class LpvLaw(SlipLaw):
         self._sent: list[float] = []
 
     def torque(self, state: WheelState, target: float, sent: float, dt: float) -> float:
-        """Find the torque of one step, see `SlipLaw.torque`."""
+        """Compute the torque of one step, see `SlipLaw.torque`."""
         slip_gain, torque_gain, *command_gains = self._table.at(state.rim_speed, state.stiffness)
         self.gains = (slip_gain, torque_gain, 0.0, *command_gains)
         omega = abs(state.rim_speed) / self._wheel.radius

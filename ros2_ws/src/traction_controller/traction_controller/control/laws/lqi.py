@@ -20,17 +20,17 @@ from traction_model.vehicle.wheel import Wheel
 def shared_schedule(
     wheel: Wheel, load: float, slip: float, lag: float, dt: float, weights: ControlWeights
 ) -> GainSchedule:
-    """Return the schedule of a wheel, the same one for like wheels under like load.
+    """Gain schedule of a wheel, shared by equal wheels under equal load.
 
     Parameters
     ----------
     wheel, load, slip, lag, dt, weights
-        As `GainSchedule` takes them, SI units.
+        As for `GainSchedule`, SI units.
 
     Returns
     -------
     GainSchedule
-        Computed when first asked for.
+        Computed at the first call.
     """
     return GainSchedule(wheel, load, slip, lag, dt, weights, GRAVITY)
 
@@ -51,12 +51,12 @@ class LqiLaw(SlipLaw):
     dt : float
         Nominal sampling period, s, above 0.
     weights : ControlWeights
-        What the regulator weighs against each other.
+        Weights of slip, its integral and torque.
 
     Attributes
     ----------
     schedule : GainSchedule
-        Its gains, shared by like wheels.
+        Gains, shared by equal wheels.
     gains : tuple of float
         Gains of the last step: N·m, 1, N·m/s.
     """
@@ -73,16 +73,16 @@ class LqiLaw(SlipLaw):
         dt: float,
         weights: ControlWeights = ControlWeights(),
     ) -> None:
-        # Rounded, as sums of the same loads may differ in their last digits.
+        # Rounded, since sums of the same loads may differ in the last digits.
         self.schedule = shared_schedule(wheel, round(load, 6), slip, lag, dt, weights)
         self._last: tuple[float, float] | None = None
 
     def reset(self) -> None:
-        """Forget slip and torque of the last step."""
+        """Reset slip and torque of the last step."""
         self._last = None
 
     def torque(self, state: WheelState, target: float, sent: float, dt: float) -> float:
-        """Find the torque of one step, see `SlipLaw.torque`."""
+        """Compute the torque of one step, see `SlipLaw.torque`."""
         self.gains = self.schedule.at(state.rim_speed, state.stiffness)
         slip_gain, torque_gain, integral_gain = self.gains
         slip, shaft = state.slip, state.shaft_torque

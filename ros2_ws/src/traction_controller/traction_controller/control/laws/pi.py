@@ -1,6 +1,6 @@
-"""PI law with fixed gains, as tractors have it today.
+"""PI law with fixed gains, a common controller of tractors today.
 
-In velocity form, with the proportional part on slip alone, so that a new target makes no bump:
+Velocity form with the proportional part on slip alone, so a new target causes no jump of torque:
 
     du = -k_p*(change of slip) + k_i*(target - slip)*dt
 
@@ -11,7 +11,7 @@ and a delay: with the half rule the model becomes one lag and a delay theta,
 
     k_p = tau/(K*(tau_c + theta)),   k_i = k_p/min(tau, 4*(tau_c + theta))
 
-with K the gain, tau the lag of the model and tau_c the response time wanted.
+with K the gain and tau the lag of the model, and tau_c the desired response time.
 """
 
 import math
@@ -36,14 +36,14 @@ def simc_gains(
     delay : float
         Delay in the loop, s, at least 0.
     response_time : float
-        tau_c: time constant wanted of the closed loop, s, above 0.
+        tau_c: desired time constant of the closed loop, s, above 0.
 
     Returns
     -------
     proportional, integral : float
         N·m and N·m/s.
     """
-    # Times a, as slip may integrate (a = 0): then its lag is infinite and its gain with it.
+    # Multiplied by a: for an integrating plant (a = 0) lag and gain are infinite.
     if -a * lag < 1.0:
         # Slip is the slower lag: tau = -1/a + lag/2, K = -b/a.
         delay += lag / 2
@@ -67,18 +67,18 @@ class PiLaw(SlipLaw):
     load : float
         Its static load, N, above 0.
     slip : float
-        Slip that it is made for, at least 0 and below 1.
+        Slip at the operating point, at least 0 and below 1.
     lag : float
         Time constant from commanded to shaft torque, s, above 0.
     dt : float
         Nominal sampling period, s, above 0.
     proportional, integral : float, optional
-        Gains as shares of the static load times radius, 1 and 1/s, above 0; the SIMC rules give
-        them for `rim_speed` and `stiffness` where they are not given.
+        Gains over static load times radius, 1 and 1/s, above 0; by default from the SIMC rules
+        at `rim_speed` and `stiffness`.
     rim_speed : float
-        m/s, above 0: where the rules are applied.
+        Rim speed for the SIMC rules, m/s, above 0.
     stiffness : float
-        Slip stiffness there, as a share of the static load, dimensionless, above 0.
+        Slip stiffness for the SIMC rules, over static load, dimensionless, above 0.
     delay, response_time : float
         As for `simc_gains`, s.
 
@@ -90,7 +90,7 @@ class PiLaw(SlipLaw):
     Raises
     ------
     ValueError
-        Naming the argument that is out of range.
+        If an argument is out of range.
     """
 
     velocity_form = True
@@ -145,11 +145,11 @@ class PiLaw(SlipLaw):
         return simc_gains(a, b, self._lag, self._delay, self._response_time)
 
     def reset(self) -> None:
-        """Forget the slip of the last step."""
+        """Reset the slip of the last step."""
         self._last = None
 
     def torque(self, state: WheelState, target: float, sent: float, dt: float) -> float:
-        """Find the torque of one step, see `SlipLaw.torque`."""
+        """Compute the torque of one step, see `SlipLaw.torque`."""
         torque = sent + self.gains[2] * (target - state.slip) * dt
         if self._last is not None:
             torque -= self.gains[0] * (state.slip - self._last)

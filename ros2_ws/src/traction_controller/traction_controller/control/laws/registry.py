@@ -1,4 +1,4 @@
-"""Control laws by name: those that the node offers, and how a law is made for a wheel."""
+"""Control laws by name, and construction of a law for a wheel."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -16,7 +16,7 @@ from traction_node.closest import closest
 LAWS: Mapping[str, Callable[..., SlipLaw]] = MappingProxyType(
     {'pi': PiLaw, 'lqi': LqiLaw, 'lpv': LpvLaw}
 )
-"""Classes of the laws that the node offers, by name."""
+"""Classes of the laws of the node, by name."""
 
 # Arguments of every law; the others are its settings.
 _COMMON = ('wheel', 'load', 'slip', 'lag', 'dt')
@@ -33,7 +33,7 @@ def make_law(
     settings: Mapping[str, Any] | None = None,
     laws: Mapping[str, Callable[..., SlipLaw]] = LAWS,
 ) -> SlipLaw:
-    """Make a law for a wheel.
+    """Law for a wheel, by its name.
 
     Parameters
     ----------
@@ -44,25 +44,25 @@ def make_law(
     load : float
         Its static load, N, above 0.
     slip : float
-        Slip that it is made for, at least 0 and below 1.
+        Slip at the operating point, at least 0 and below 1.
     lag : float
         Time constant from commanded to shaft torque, s, above 0.
     dt : float
         Nominal sampling period, s, above 0.
     settings : mapping, optional
-        Arguments of the law's own class by name, in its units; see there.
+        Arguments of the law's class by name, in their units.
     laws : mapping of str to class
         Classes of laws by name.
 
     Returns
     -------
     SlipLaw
-        The law, its memory empty.
+        Law in its initial state.
 
     Raises
     ------
     ValueError
-        Naming the unknown law or setting, or what is out of range.
+        If the law or a setting is unknown, or a value is out of range.
     """
     if name not in laws:
         raise ValueError(f"unknown control law '{name}'{closest(name, laws)}")
