@@ -1,1 +1,1 @@
-"""The last check of every wheel torque before the hardware."""
+"""Check and limits of every wheel torque before the hardware."""

@@ -1,9 +1,9 @@
-"""Torque gate: the last check of every wheel torque before the hardware.
+"""Torque gate: check and limits of every wheel torque before the hardware.
 
-Good commands pass, cut to what each wheel may get and to how fast it may change. Bad ones do
-not: the last good command holds until `timeout`, then all torques go to the safe torque within
-`release_time`. An emergency stop puts out the safe torque at once, until all who called it
-release it. Times are those of a steady clock, which the caller reads.
+Valid commands pass, limited in magnitude and rate per wheel. Invalid ones are rejected: the last
+valid command holds until `timeout`, then all torques go to the safe torque within `release_time`.
+An emergency stop sets the safe torque at once, until all its sources have released it. Times are
+those of a steady clock, read by the caller.
 """
 
 import enum
@@ -14,38 +14,38 @@ from types import SimpleNamespace
 from traction_node.joints import JointError, JointOrder
 
 REACTION_TIME = 0.2
-"""Longest time from the last good command to the safe torque, s."""
+"""Longest time from the last valid command to the safe torque, s."""
 
 WATCHDOG_PERIOD = 0.01
-"""Period at which `TorqueGate.step` is to be called, s."""
+"""Period of the calls of `TorqueGate.step`, s."""
 
 
 class State(enum.Enum):
-    """What the gate does."""
+    """State of the gate."""
 
     WAITING = 'waiting'
-    """At the safe torque: no good command yet."""
+    """At the safe torque: no valid command yet."""
     PASSING = 'passing'
-    """Commands pass, limited where need be."""
+    """Commands pass, with limits."""
     HOLDING = 'holding'
-    """The newest commands are bad: the last good one holds."""
+    """The newest commands are invalid: the last valid one holds."""
     RELEASING = 'releasing'
-    """No good command for too long: on the way to the safe torque."""
+    """No valid command for too long: on the way to the safe torque."""
     SAFE = 'safe'
-    """No good command for too long: at the safe torque."""
+    """No valid command for too long: at the safe torque."""
     STOPPED = 'stopped'
-    """Emergency stop: at the safe torque, whatever is commanded."""
+    """Emergency stop: at the safe torque, whatever the command."""
 
 
 class StopSource(enum.Enum):
-    """Who calls an emergency stop; each has to release its own."""
+    """Source of an emergency stop; each has to release its own stop."""
 
     TOPIC = 'topic'
     SERVICE = 'service'
 
 
 class Limit(enum.Enum):
-    """Why a wheel does not get the torque it was commanded."""
+    """Limit that cuts the commanded torque of a wheel."""
 
     NONE = 'not limited'
     HIGH = 'above the most'
@@ -53,55 +53,54 @@ class Limit(enum.Enum):
     RATE = 'too fast a change'
 
 
-# Of a command that is not passed.
+# Reasons for the rejection of a command.
 _CAUSES = ('names', 'length', 'not_finite', 'stamp', 'stale', 'future', 'stopped')
 
 
 class TorqueGate:
-    """Checks and limits wheel torques.
+    """Check and limits of wheel torques.
 
     Parameters
     ----------
     wheel_names : sequence of str
-        The wheels, n of them; the order of all torques here.
+        Names of the n wheels, in the order of all torques here.
     min_torque, max_torque : sequence of float
-        Least and most torque of every wheel, N·m, forward positive, n entries.
+        Smallest and largest torque of every wheel, N·m, forward positive, n entries.
     max_rate : sequence of float
-        Fastest change of every wheel's torque, N·m/s, above 0, n entries.
+        Limit of the rate of torque of every wheel, N·m/s, above 0, n entries.
     timeout : float
-        The last good command holds this long, s, above 0.
+        Time for which the last valid command holds, s, above 0.
     release_time : float
-        Then torques go linearly to the safe torque in this time, s, at least 0. It is a
-        time and not a rate, so that the safe torque is reached in time from any torque.
+        Time in which torques then go linearly to the safe torque, s, at least 0. It is a time and
+        not a rate, so that the safe torque is reached in time from any torque.
         ``timeout + release_time + WATCHDOG_PERIOD`` must not exceed `REACTION_TIME`.
     safe_torque : float
-        N·m, within the limits of every wheel.
+        Torque without command, N·m, within the limits of every wheel.
     max_age : float
-        A command whose stamp is this much older than that of the newest wheel states is
-        stale and not passed, s, above 0; as little is one that is this much younger. Both
-        stamps have to be of one clock.
+        Largest difference between the stamps of a command and of the newest wheel states, either
+        way, s, above 0. Other commands are rejected. Both stamps must be of one clock.
 
     Attributes
     ----------
     state : State
-        What the gate does.
+        State of the gate.
     output : list of float
-        Torques to put out, N·m, n entries; changed in place.
+        Torques to send, N·m, n entries; changed in place.
     limits : list of Limit
-        Why each wheel's last good command was cut, n entries.
+        Limit that cut the last valid command of each wheel, n entries.
     rejected : dict of str to int
         Commands rejected since the start, by cause.
     limited : dict of str to int
         Commands cut in magnitude and in rate since the start.
     timeouts : int
-        How often commands stopped since the start.
+        Number of times that commands stopped since the start.
     stopped_by : set of StopSource
-        Who holds an emergency stop; change it through `emergency_stop`.
+        Sources that hold an emergency stop; use `emergency_stop` to change it.
 
     Raises
     ------
     ValueError
-        Naming what is inconsistent.
+        If parameters are inconsistent.
     """
 
     def __init__(
@@ -128,7 +127,7 @@ class TorqueGate:
         for wheel, low, high, rate in zip(
             wheel_names, min_torque, max_torque, max_rate, strict=True
         ):
-            # Written so that a NaN fails too.
+            # Fails for NaN, too.
             if not low <= safe_torque <= high:
                 raise ValueError(
                     f'{wheel}: safe_torque {safe_torque} N·m is not within {low} .. {high} N·m'
@@ -138,7 +137,7 @@ class TorqueGate:
         reaction = timeout + release_time + WATCHDOG_PERIOD
         if not max_age > 0.0:
             raise ValueError(f'max_age {max_age} s is not above 0')
-        # Decimal fractions of a second add up with rounding errors.
+        # Tolerance for the rounding of decimal fractions.
         if not (timeout > 0.0 and release_time >= 0.0 and reaction <= REACTION_TIME + 1e-9):
             raise ValueError(
                 f'timeout {timeout} s + release_time {release_time} s + watchdog '
@@ -185,12 +184,12 @@ class TorqueGate:
         Returns
         -------
         TorqueGate
-            At the safe torque.
+            Gate at the safe torque.
 
         Raises
         ------
         ValueError
-            Naming what is inconsistent.
+            If parameters are inconsistent.
         """
         n = len(p.wheel_names)
         low, high, rate = (
@@ -211,18 +210,18 @@ class TorqueGate:
     def command(
         self, t: float, stamp: float, names: Sequence[str], efforts: Sequence[float]
     ) -> bool:
-        """Take a command.
+        """Process a command.
 
-        After a pause the torques start again from where the shaft torque is, as far as it
-        lies between the gate's last output and the command: a torque sensor cannot make
-        the gate put out what nobody asked for.
+        After a pause torques start from the measured shaft torque, limited to the range between
+        the last output and the command. So a faulty torque sensor cannot cause a torque outside
+        this range.
 
         Parameters
         ----------
         t : float
-            When it arrived, s.
+            Time of arrival, s.
         stamp : float
-            Its stamp, s, 0 for none; must not run backwards while commands come.
+            Stamp, s, 0 for none; must not run backwards while commands come.
         names : sequence of str
             Every wheel once, in any order.
         efforts : sequence of float
@@ -231,8 +230,8 @@ class TorqueGate:
         Returns
         -------
         bool
-            True when accepted, with the torques to put out now in `output`; False when
-            rejected, with the cause in `reason`.
+            True if accepted, with the torques to send now in `output`; False if rejected, with the
+            cause in `reason`.
         """
         self.step(t)
         if self.stopped_by:
@@ -241,7 +240,7 @@ class TorqueGate:
         restart = self.state in (State.WAITING, State.RELEASING, State.SAFE)
         try:
             commanded = self._commands.values(names, efforts)
-            # After a pause any stamp will do: the clock may have been set back.
+            # After a pause any stamp is accepted, as the clock may have been set back.
             if not restart and 0.0 < stamp < self._last_stamp:
                 age = self._last_stamp - stamp
                 raise JointError(
@@ -286,23 +285,23 @@ class TorqueGate:
         return True
 
     def _compare(self, age: float) -> None:
-        """Refuse a command too much older than the wheel states, or younger, s."""
+        """Reject a command by the difference of its stamp to the wheel states, s."""
         if age > self._max_age:
             raise JointError('stale', f'stamp is {age:.3f} s older than the wheel states')
-        # It would make all later ones look old.
+        # A stamp in the future would make all later ones look old.
         if self._newest_stamp > 0.0 and age < -self._max_age:
             raise JointError('future', f'stamp is {-age:.3f} s younger than the wheel states')
 
     def emergency_stop(self, source: StopSource, stop: bool) -> None:
-        """Call an emergency stop or release one's own.
+        """Start or release the emergency stop of a source.
 
-        The safe torque is in `output` at once. After the last release commands pass again,
-        as after any pause.
+        A stop sets `output` to the safe torque at once. After the last release commands pass
+        again, as after a pause.
 
         Parameters
         ----------
         source : StopSource
-            Who does.
+            Source of the stop.
         stop : bool
             True to stop, False to release.
         """
@@ -317,14 +316,14 @@ class TorqueGate:
     def measured(
         self, t: float, stamp: float, names: Sequence[str], efforts: Sequence[float]
     ) -> bool:
-        """Take measured shaft torques, from which commands start after a pause.
+        """Set measured shaft torques, from which commands start after a pause.
 
         Parameters
         ----------
         t : float
-            When they arrived, s.
+            Time of arrival, s.
         stamp : float
-            Their stamp, s, 0 for none: commands much older than it are stale.
+            Stamp, s, 0 for none: commands much older than it are stale.
         names : sequence of str
             Joints, among them every wheel once, in any order.
         efforts : sequence of float
@@ -333,7 +332,7 @@ class TorqueGate:
         Returns
         -------
         bool
-            False when they were not usable and thus ignored, but for their stamp.
+            False if they were unusable; then only their stamp is used.
         """
         self._newest_stamp, self._last_stamped = stamp, t
         try:
@@ -344,7 +343,7 @@ class TorqueGate:
         return True
 
     def step(self, t: float) -> bool:
-        """Watch over time; to be called every `WATCHDOG_PERIOD`.
+        """Check the timeout; call it every `WATCHDOG_PERIOD`.
 
         Parameters
         ----------
@@ -354,15 +353,14 @@ class TorqueGate:
         Returns
         -------
         bool
-            True when commands have stopped (or never came), so that `output` has to be
-            put out now for lack of a command that would cause it.
+            True if commands have stopped or never came, so that `output` must be sent now.
         """
         if self.state in (State.PASSING, State.HOLDING) and t - self._last_good > self._timeout:
             self.state = State.RELEASING
             self.timeouts += 1
             self._held[:] = self.output
         if self.state is State.RELEASING:
-            # Counted from the time-out itself, so that a late call ends no later.
+            # Relative to the timeout itself, so that a late call does not end later.
             since = t - self._last_good - self._timeout
             if since >= self._release_time:
                 self.release()
@@ -373,7 +371,7 @@ class TorqueGate:
         return self.state not in (State.PASSING, State.HOLDING)
 
     def release(self) -> None:
-        """Go to the safe torque at once, as on deactivation."""
+        """Set the safe torque at once, for deactivation."""
         self.state = State.WAITING if self._last_good == -math.inf else State.SAFE
         if self.stopped_by:
             self.state = State.STOPPED
@@ -389,7 +387,7 @@ class TorqueGate:
 
     @property
     def reason(self) -> str:
-        """Why `output` is what it is, naming wheel and value."""
+        """Explanation of `output` for a person, with wheel and value."""
         if self.state is State.PASSING:
             cuts = [self._cut(j) for j, limit in enumerate(self.limits) if limit is not Limit.NONE]
             return 'limited: ' + '; '.join(cuts) if cuts else 'passing commands'

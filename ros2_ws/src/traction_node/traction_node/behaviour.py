@@ -1,4 +1,4 @@
-"""Base class of what a node does, without middleware: see `Behaviour`."""
+"""Base class of the behaviour of a node, without middleware."""
 
 from collections.abc import Collection
 from types import SimpleNamespace
@@ -13,15 +13,15 @@ AUTOSTART = NodeParameter(
     description='configure and activate at start',
     read_only=True,
 )
-"""NodeParameter that every lifecycle node has."""
+"""Parameter of every lifecycle node."""
 
 
 class Behaviour:
-    """What a node does: parameters, and hooks that a host calls.
+    """Behaviour of a node: parameters, and hooks called by its host.
 
-    `traction_node.run.run` makes a ROS 2 node of it. A lifecycle node goes through the hooks when
-    it is told to. Any other node is configured and activated at its start, and deactivated and
-    cleaned up at its end.
+    `traction_node.run.run` runs it as a ROS 2 node. Transitions of a lifecycle node call the
+    hooks. Any other node is configured and activated at its start, and deactivated and cleaned up
+    at its end.
 
     Parameters
     ----------
@@ -35,8 +35,8 @@ class Behaviour:
     PARAMETERS : tuple of NodeParameter
         Its parameters.
     LIFECYCLE : bool
-        True for a lifecycle node: it acts on the vehicle, and is configured and activated from
-        outside. Such a node has the parameter `autostart` besides its own.
+        True for a lifecycle node: it acts on the vehicle, and other nodes configure and activate
+        it. It has the additional parameter `autostart`.
     """
 
     NAME: ClassVar[str] = ''
@@ -52,17 +52,17 @@ class Behaviour:
         return (AUTOSTART, *cls.PARAMETERS) if cls.LIFECYCLE else cls.PARAMETERS
 
     def check_parameters(self, p: SimpleNamespace) -> None:
-        """Refuse a combination of parameters; each value by itself is already checked.
+        """Check the combination of parameters; single values are already checked.
 
         Parameters
         ----------
         p : types.SimpleNamespace
-            Values as they would be; `host.p` still holds those before.
+            New values; `host.p` still has the old ones.
 
         Raises
         ------
         ValueError
-            With the reason, if they do not fit together.
+            If they contradict each other; the text has the reason.
         """
 
     def parameters_changed(self, p: SimpleNamespace, names: Collection[str]) -> None:
@@ -73,29 +73,29 @@ class Behaviour:
         p : types.SimpleNamespace
             Values, also at `host.p`.
         names : collection of str
-            Parameters that were set, also those set to the value they had.
+            Parameters that were set, also those set to their old value.
         """
 
     def configure(self) -> None:
-        """Build the core, and create topics and timers.
+        """Construct the core; create topics and timers.
 
         Raises
         ------
         ValueError, OSError
-            To refuse, with a clear text.
+            To fail the transition, with the reason.
         """
 
     def activate(self) -> None:
-        """Begin to act; topics and timers created here live until the node is deactivated.
+        """Start to act; topics and timers created here exist until deactivation.
 
         Raises
         ------
         ValueError, OSError
-            To refuse, with a clear text.
+            To fail the transition, with the reason.
         """
 
     def deactivate(self) -> None:
         """Stop acting; topics can still be published to."""
 
     def cleanup(self) -> None:
-        """Drop what `configure` built; the host destroys topics and timers afterwards."""
+        """Delete the objects of `configure`; the host destroys topics and timers afterwards."""

@@ -4,7 +4,7 @@ import difflib
 from collections.abc import Iterable
 
 LONGEST_NAME = 60
-"""Characters of a name that are looked at: those of a hostile file may have millions."""
+"""Number of characters compared; names in a hostile file may have millions."""
 
 MAX_LISTED = 40
 """Number of names in a hint."""
@@ -18,31 +18,31 @@ def closest_name(name: object, known: Iterable[str]) -> str:
     name : object
         The unknown name.
     known : iterable of str
-        The names there are.
+        Known names.
 
     Returns
     -------
     str
-        The nearest one; empty when none is near.
+        The nearest one; empty if none is near.
     """
     near = difflib.get_close_matches(str(name)[:LONGEST_NAME], list(known), n=1)
     return near[0] if near else ''
 
 
 def closest(name: object, known: Iterable[str]) -> str:
-    """Hint that names the known name nearest to a mistyped one.
+    """Hint with the known name nearest to a mistyped one.
 
     Parameters
     ----------
     name : object
         The unknown name.
     known : iterable of str
-        The names there are.
+        Known names.
 
     Returns
     -------
     str
-        ``"; did you mean 'x'?"``, or the list of names when none is near.
+        ``"; did you mean 'x'?"``, or the list of names if none is near.
     """
     names = sorted(each for each in known if each)
     near = closest_name(name, names)

@@ -1,9 +1,9 @@
-"""Levels and contents of a node's entry in `/diagnostics`."""
+"""Levels and content of a node's entry in `/diagnostics`."""
 
 import math
 from dataclasses import dataclass, field
 
-# Numbered as diagnostic_msgs/msg/DiagnosticStatus numbers them.
+# Numbers of diagnostic_msgs/msg/DiagnosticStatus.
 OK = 0
 WARN = 1
 ERROR = 2
@@ -11,12 +11,12 @@ STALE = 3
 
 
 def text(value: object) -> str:
-    """Value of a diagnostic as people read it.
+    """Text of a value in a diagnostic.
 
     Parameters
     ----------
     value : object
-        Floats are given six significant digits, lists and tuples are spelt out.
+        Floats have six significant digits; lists and tuples are written entry by entry.
     """
     if isinstance(value, bool):
         return 'true' if value else 'false'
@@ -29,7 +29,7 @@ def text(value: object) -> str:
 
 @dataclass
 class Diagnostic:
-    """What a node last said about its health.
+    """Newest diagnostic of a node.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class Diagnostic:
     message : str
         One line for a person.
     values : dict
-        Numbers and words behind the message, by name.
+        Values for the message, by name.
     """
 
     level: int = OK
@@ -46,13 +46,13 @@ class Diagnostic:
     values: dict[str, object] = field(default_factory=dict)
 
     def change(self, level: int, message: str, values: dict[str, object]) -> bool:
-        """Take over a new state.
+        """Set a new state.
 
         Returns
         -------
         bool
-            True if level or message differ from before, so that people should hear at once;
-            values alone can wait for the next regular report.
+            True if level or message changed, so that it must be published at once. A change of
+            values alone waits for the next regular report.
         """
         differs = (level, message) != (self.level, self.message)
         self.level, self.message, self.values = level, message, values

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 
 class Logger(Protocol):
-    """Log of a node, as rclpy's logger and Python's `logging.Logger` offer it."""
+    """Log of a node; rclpy's logger and Python's `logging.Logger` have these methods."""
 
     def debug(self, message: str) -> Any:
         """Log a detail for a developer."""
@@ -19,7 +19,7 @@ class Logger(Protocol):
         """Log an event of normal operation."""
 
     def warning(self, message: str) -> Any:
-        """Log a problem that the node copes with."""
+        """Log a problem that the node can handle."""
 
     def error(self, message: str) -> Any:
         """Log a failure."""
@@ -42,10 +42,10 @@ class Publisher(Protocol):
 
 
 class Host(Protocol):
-    """Parameters, topics, clocks, diagnostics and log that a behaviour works with.
+    """Parameters, topics, clocks, diagnostics and log for a behaviour.
 
-    Topics go by their names in `topics.yaml`, which gives type and quality of service. Remapping
-    and namespaces apply.
+    Topics have names, types and quality of service from `topics.yaml`. Remapping and namespaces
+    apply.
     """
 
     @property
@@ -77,7 +77,7 @@ class Host(Protocol):
         """
 
     def publisher_count(self, name: str) -> int:
-        """Number of publishers of a topic, in whatever process.
+        """Number of publishers of a topic, in all processes.
 
         Parameters
         ----------
@@ -91,12 +91,12 @@ class Host(Protocol):
         """
 
     def service(self, name: str, type_name: str, callback: Callable[[Any, Any], Any]) -> Any:
-        """Offer a service below the name of the node, such as `torque_gate/emergency_stop`.
+        """Create a service in the namespace of the node, such as `torque_gate/emergency_stop`.
 
         Parameters
         ----------
         name : str
-            Name below that of the node, such as 'emergency_stop'.
+            Name without that of the node, such as 'emergency_stop'.
         type_name : str
             Service type, such as 'std_srvs/srv/SetBool'.
         callback : callable
@@ -113,7 +113,7 @@ class Host(Protocol):
         """
 
     def steady_timer(self, period: float, callback: Callable[[], None]) -> Any:
-        """Timer on the steady clock, which no simulated or corrected time disturbs.
+        """Timer on the steady clock, independent of simulated and corrected time.
 
         Parameters
         ----------
@@ -139,14 +139,14 @@ class Host(Protocol):
         message : str
             One line for a person.
         **values
-            Numbers and words behind it.
+            Values for the message.
         """
 
     def get_logger(self) -> Logger:
         """Log of the node."""
 
     def finish(self, reason: str = '') -> None:
-        """End the process from within, such as at the end of a bag; callable from any thread.
+        """End the process, for example at the end of a bag; may be called from any thread.
 
         Parameters
         ----------
@@ -156,16 +156,16 @@ class Host(Protocol):
 
 
 class RosHost(Host, Protocol):
-    """Host on rclpy, for nodes that work on the middleware itself, such as a bag recorder."""
+    """Host on rclpy, for nodes that use the middleware directly, such as a bag recorder."""
 
     @property
     def node(self) -> Any:
         """The rclpy node."""
 
     def await_delivery(self, publishers: Iterable[Publisher], timeout: float) -> bool:
-        """Block until reliable subscribers have all that was published, before a node ends.
+        """Block until reliable subscribers have received all messages, before a node ends.
 
-        What they lack is lost with the publisher. Best-effort subscribers are not waited for.
+        Messages not received are lost with the publisher. Best-effort subscribers are ignored.
 
         Parameters
         ----------
@@ -177,5 +177,5 @@ class RosHost(Host, Protocol):
         Returns
         -------
         bool
-            True if they have all; False at the time-out.
+            True if all were received; False at the timeout.
         """

@@ -1,11 +1,11 @@
-"""Values of named joints, in whatever order a message gives them, in one's own order."""
+"""Conversion of the values of named joints from the order of a message to that of the receiver."""
 
 import math
 from collections.abc import Sequence
 
 
 class JointError(ValueError):
-    """A message that does not give every joint one finite value.
+    """A message does not have one finite value for every joint.
 
     Attributes
     ----------
@@ -19,18 +19,18 @@ class JointError(ValueError):
 
 
 class JointOrder:
-    """Puts the values of a `sensor_msgs/msg/JointState` into the order of its receiver.
+    """Values of a `sensor_msgs/msg/JointState` in the order of its receiver.
 
     Parameters
     ----------
     names : sequence of str
-        The joints, in the receiver's order, each once.
+        Joints in the receiver's order, each once.
     what : str
-        What the values are, for errors: 'torque'.
+        Name of the quantity for errors, such as 'torque'.
     only : bool
-        Refuse messages with joints that the receiver does not have; else pass those over.
+        True: messages with other joints are errors. False: other joints are ignored.
     one_for_all : bool
-        Take one value without a name for that of every joint.
+        True: one value without a name is that of every joint.
     """
 
     def __init__(
@@ -40,29 +40,29 @@ class JointOrder:
         self._what = what
         self._only = only
         self._one_for_all = one_for_all
-        # Names of the newest message, and where each joint is in it.
+        # Names of the newest message, and index of each joint in it.
         self._seen: list[str] | None = None
         self._order: tuple[int, ...] = ()
 
     def values(self, names: Sequence[str], values: Sequence[float]) -> list[float]:
-        """Return one finite value per joint.
+        """One finite value per joint.
 
         Parameters
         ----------
         names : sequence of str
             Joints of the message, every joint of the receiver once.
         values : sequence of float
-            Their values, any unit.
+            Values, in any unit.
 
         Returns
         -------
         list of float
-            The values in the receiver's order and the message's unit.
+            Values in the receiver's order and the message's unit.
 
         Raises
         ------
         JointError
-            Naming the joint that is missing, unknown, given twice, or without a finite value.
+            If a joint is missing, unknown, given twice, or without a finite value.
         """
         if self._one_for_all and len(values) == 1 and not names:
             names, values = self._names, [values[0]] * len(self._names)
@@ -79,7 +79,7 @@ class JointOrder:
         return ordered
 
     def _find(self, names: Sequence[str]) -> tuple[int, ...]:
-        """Where each joint is among the names."""
+        """Index of each joint among the names."""
         place = {name: index for index, name in enumerate(names)}
         if len(place) != len(names):
             twice = next(name for index, name in enumerate(names) if place[name] != index)

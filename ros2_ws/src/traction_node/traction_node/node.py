@@ -74,27 +74,27 @@ def descriptor(parameter):
 
 
 class _HostNode:
-    """Host on rclpy; the two kinds of node below put it before their class of rclpy.
+    """Host on rclpy; base class of the two kinds of node below.
 
     Parameters
     ----------
     behaviour : type
         Subclass of `traction_node.behaviour.Behaviour`.
     parameter_files : sequence of path-like
-        Parameter files, a later one overruling an earlier one, `-p` of the command line all.
+        Parameter files; a later one overrides an earlier one, and `-p` overrides all.
     **kwargs
         For `rclpy.node.Node`.
 
     Attributes
     ----------
     behaviour : traction_node.behaviour.Behaviour
-        Made with this node as its host.
+        Behaviour with this node as host.
     p : types.SimpleNamespace
         Values of its parameters.
     active : bool
         True from before `activate` to after `deactivate`.
     finished : rclpy.task.Future
-        Done once the node is to end; its result is the reason.
+        Done when the node has to end; its result is the reason.
     """
 
     def __init__(self, behaviour, parameter_files=(), **kwargs):
@@ -113,14 +113,13 @@ class _HostNode:
         overrides = given | {name: p.value for name, p in self._parameter_overrides.items()}
         values = resolve(self._table.values(), overrides, others=self._parameters)
         self.p = SimpleNamespace(**values)
-        # Nodes of tractor_io are still their own behaviour.
-        self.behaviour = self if isinstance(self, behaviour) else behaviour(self)
+        self.behaviour = behaviour(self)
         self._check(self.p)
         for name, value in values.items():
             self.declare_parameter(
                 name, value, descriptor(self._table[name]), ignore_override=True
             )
-        # Those of rclpy itself, such as use_sim_time, which it looks for on the command line only.
+        # Parameters of rclpy, such as use_sim_time, which it reads from the command line only.
         own = [
             rclpy_parameter.Parameter(name, value=value)
             for name, value in given.items()
@@ -130,7 +129,7 @@ class _HostNode:
             self.set_parameters_atomically(own)
 
     def _read(self, file):
-        """Parameters of this node from a file, each of them checked."""
+        """Checked parameters of this node from a file."""
         node = self.get_fully_qualified_name()
         known = [*self._table, *self._parameters]
         values = node_parameters(file, node, known)
@@ -146,11 +145,11 @@ class _HostNode:
 
     @property
     def node(self):
-        """The rclpy node: this one."""
+        """This node."""
         return self
 
     def finish(self, reason=''):
-        """End the process from within; see `traction_node.host.Host.finish`."""
+        """End the process; see `traction_node.host.Host.finish`."""
         if not self.finished.done():
             self.finished.set_result(reason)
         if self.executor is not None:
@@ -167,12 +166,12 @@ class _HostNode:
             raise ParameterError(str(error)) from error
 
     def set_parameters_atomically(self, parameter_list):
-        """Set parameters at run time, all or none; also what the parameter services call.
+        """Set parameters at run time, all or none; the parameter services call it, too.
 
         Returns
         -------
         rcl_interfaces.msg.SetParametersResult
-            With the reason if a value is refused.
+            With the reason if a value is rejected.
         """
         values = dict(vars(self.p))
         accepted = []
@@ -226,11 +225,11 @@ class _HostNode:
         return subscription
 
     def publisher_count(self, name):
-        """Number of publishers of a topic, in whatever process."""
+        """Number of publishers of a topic, in all processes."""
         return self.count_publishers(name)
 
     def service(self, name, type_name, callback):
-        """Offer a service below the name of the node."""
+        """Create a service in the namespace of the node."""
         service = self.create_service(message_class(type_name), f'~/{name}', callback)
         self._entities.append((self.destroy_service, service))
         return service
@@ -246,7 +245,7 @@ class _HostNode:
         return time.monotonic()
 
     def await_delivery(self, publishers, timeout):
-        """Block until reliable subscribers have all that was published; False at the time-out."""
+        """Block until reliable subscribers have all messages; False at the timeout."""
         end = self.steady_time() + timeout
         return all(
             publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - self.steady_time())))
@@ -258,7 +257,7 @@ class _HostNode:
         return self.get_clock().now().nanoseconds
 
     def _destroy_entities(self, first=0):
-        """Destroy what was created by the methods above, from the one numbered `first`."""
+        """Destroy entities created by the methods above, from index `first` on."""
         while len(self._entities) > first:
             destroy, entity = self._entities.pop()
             destroy(entity)
@@ -266,7 +265,7 @@ class _HostNode:
     # Diagnostics
 
     def set_diagnostic(self, level, message, **values):
-        """Set the entry in `/diagnostics`, published once a second and when it is new."""
+        """Set the entry in `/diagnostics`, published once a second and at changes."""
         if self._diagnostic.change(level, message, values):
             self._report()
 
@@ -289,7 +288,7 @@ class _HostNode:
 
 
 class HostNode(_HostNode, Node):
-    """Node that works from its start to its end: a simulator, a player, a recorder."""
+    """Node without lifecycle, active from start to end: a simulator, a player, a recorder."""
 
     def begin(self):
         """Configure and activate; called by `traction_node.run`.
@@ -297,19 +296,19 @@ class HostNode(_HostNode, Node):
         Raises
         ------
         ValueError, OSError
-            If the behaviour refuses.
+            If a hook of the behaviour fails.
         """
         self.behaviour.configure()
         self.active = True
         self.behaviour.activate()
 
     def end(self):
-        """Deactivate and clean up, as far as it began; called by `traction_node.run`.
+        """Deactivate and clean up, as far as necessary; called by `traction_node.run`.
 
         Raises
         ------
         ValueError, OSError
-            If what was begun cannot be completed, such as a file that is written.
+            If work in progress cannot be completed, such as a file.
         """
         if self.active:
             self.behaviour.deactivate()
@@ -318,13 +317,13 @@ class HostNode(_HostNode, Node):
 
 
 class LifecycleHostNode(_HostNode, LifecycleNode):
-    """Node that acts on the vehicle, and therefore is configured and activated from outside."""
+    """Lifecycle node: it acts on the vehicle, so other nodes configure and activate it."""
 
     def __init__(self, behaviour, parameter_files=(), **kwargs):
         self._configured = 0
         super().__init__(behaviour, parameter_files, **kwargs)
         self._diagnostic.message = 'unconfigured'
-        # rclpy lets a request for an impossible transition end the process: answer it instead.
+        # In rclpy a request for an impossible transition ends the process; this service responds.
         self._change_state = self._service_change_state.callback
         self._service_change_state.callback = self._answer_change_state
 
@@ -337,7 +336,7 @@ class LifecycleHostNode(_HostNode, LifecycleNode):
         return self.create_lifecycle_publisher(message_class(row.type), name, QOS[row.qos])
 
     def publisher(self, name):
-        """Publisher of a topic; what it publishes is dropped unless the node is active."""
+        """Publisher of a topic; messages are dropped unless the node is active."""
         publisher = self._create_publisher(name)
         if self.active:
             publisher.on_activate(None)
@@ -362,7 +361,7 @@ class LifecycleHostNode(_HostNode, LifecycleNode):
         return self._change_state(request, response)
 
     def _call(self, hook):
-        """Call a hook; a refusal is told in one line, a defect with its traceback."""
+        """Call a hook; log a failure in one line, a defect with its traceback."""
         name = hook.__name__
         try:
             hook()
@@ -395,8 +394,8 @@ class LifecycleHostNode(_HostNode, LifecycleNode):
         if result != TransitionCallbackReturn.SUCCESS:
             self._leave_active(state)
             return result
-        # Collecting garbage takes milliseconds in which no torque would be checked. The executors
-        # written in Python leave garbage behind with every callback, the EventsExecutor none.
+        # Garbage collection takes milliseconds without a check of torque. Executors in Python
+        # create garbage with every callback, the EventsExecutor does not.
         gc.collect()
         gc.freeze()
         if not isinstance(self.executor, Executor):
@@ -427,7 +426,7 @@ class LifecycleHostNode(_HostNode, LifecycleNode):
         return result
 
     def on_shutdown(self, state):
-        """Transition of rclpy; goes through `deactivate` and `cleanup` as far as they are due."""
+        """Transition of rclpy; calls `deactivate` and `cleanup` as far as necessary."""
         if state.label == 'active':
             self._call(self.behaviour.deactivate)
             self._leave_active(state)
@@ -438,18 +437,18 @@ class LifecycleHostNode(_HostNode, LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def on_error(self, state):
-        """Transition of rclpy after a defect: back to unconfigured, with nothing left over."""
+        """Transition of rclpy after a defect: back to unconfigured."""
         if self.active:
             self._leave_active(state)
         self._destroy_entities()
         return TransitionCallbackReturn.SUCCESS
 
     def begin(self):
-        """Configure and activate if `autostart` says so; called by `traction_node.run`."""
+        """Configure and activate if `autostart` is set; called by `traction_node.run`."""
         if self.p.autostart and self.trigger_configure() == TransitionCallbackReturn.SUCCESS:
             self.trigger_activate()
 
     def end(self):
-        """Shut down from whatever state; called by `traction_node.run`."""
+        """Shut down from any state; called by `traction_node.run`."""
         if self._state_machine.current_state[1] in ('unconfigured', 'inactive', 'active'):
             self.trigger_shutdown()

@@ -1,4 +1,4 @@
-"""One node of a system: what to run, under which name, with which parameters and topics."""
+"""Description of a node in a system: executable, name, parameters and topics."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -8,22 +8,22 @@ from typing import Any
 
 @dataclass(frozen=True)
 class NodeSpec:
-    """One node of the system.
+    """Node of a system.
 
     Attributes
     ----------
     package, executable : str
-        What `ros2 run` would be told.
+        Arguments of `ros2 run`.
     name : str
         Name of the node.
     parameter_files : tuple of Path
-        Its parameters, SI units; a later file overrules an earlier one.
+        Parameter files, SI units; a later file overrides an earlier one.
     parameters : dict
-        What differs from those files.
+        Parameters that override those of the files.
     remappings : dict of str to str
         Topic names, from and to.
     lifecycle : bool
-        Whether the node has to be active before it works.
+        True for a lifecycle node.
     """
 
     package: str

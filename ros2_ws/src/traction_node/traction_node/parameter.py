@@ -1,4 +1,4 @@
-"""Parameters of a node as a table: name, type, range, unit, description, each in one place."""
+"""Table of the parameters of a node: name, type, range, unit, description."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -13,12 +13,12 @@ TYPE_NAMES = {bool: 'a boolean', int: 'an integer', float: 'a number', str: 'a t
 
 
 class ParameterError(ValueError):
-    """Why a parameter, or a combination of them, is refused."""
+    """Invalid parameter or combination of parameters; the text has the reason."""
 
 
 @dataclass(frozen=True)
 class NodeParameter:
-    """One parameter of a node.
+    """Parameter of a node.
 
     Attributes
     ----------
@@ -28,7 +28,7 @@ class NodeParameter:
         Value without an override; its type is the type of the parameter. A list has at least
         one entry.
     description : str
-        What it does, for `ros2 param describe`.
+        Description, for `ros2 param describe`.
     unit : str
         Unit in SI notation such as 'N·m', empty for a number without one.
     minimum, maximum : float or None
@@ -65,7 +65,7 @@ class NodeParameter:
 
     @property
     def range_text(self) -> str:
-        """The allowed values in words, empty if there is no limit."""
+        """Allowed values as text; empty if there is no limit."""
         unit = f' {self.unit}' if self.unit else ''
         if self.choices:
             return 'one of ' + ', '.join(str(choice) for choice in self.choices)
@@ -78,7 +78,7 @@ class NodeParameter:
         return ''
 
     def check(self, value: object) -> Value:
-        """Value as the node gets it.
+        """Checked and converted value.
 
         Parameters
         ----------
@@ -106,7 +106,7 @@ class NodeParameter:
 
     def _check_entry(self, entry: object, value: object) -> Scalar:
         if self.type is float and isinstance(entry, int) and not isinstance(entry, bool):
-            # Beyond what a double can hold: not finite.
+            # Beyond the range of a double: not finite.
             entry = float(entry) if abs(entry) < 2**1023 else math.inf
         if type(entry) is not self.type:
             raise self._wrong_type(value)
@@ -132,14 +132,14 @@ class NodeParameter:
 
 
 def unknown(name: str, known: Iterable[str]) -> ParameterError:
-    """Refusal of a parameter that a node does not have.
+    """Error for a parameter that a node does not have.
 
     Parameters
     ----------
     name : str
-        The name given.
+        Unknown name.
     known : iterable of str
-        The names the node has.
+        Names of the parameters of the node.
     """
     near = closest_name(name, known)
     hint = f'; did you mean "{near}"?' if near else ''
@@ -156,11 +156,11 @@ def resolve(
     Parameters
     ----------
     parameters : iterable of NodeParameter
-        The table.
+        Table of parameters.
     overrides : mapping
         Values given by the user, by name.
     others : iterable of str
-        Names that are declared elsewhere and not looked at here.
+        Names that are declared elsewhere; they are ignored here.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Parameter files of ROS 2: where they lie, and what they hold for a node."""
+"""Parameter files of ROS 2: paths, and parameters for a node."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -19,7 +19,7 @@ _FLOAT = re.compile(
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML with the numbers of rcl: ``1e6`` is a number, a date or ``1:30`` is a text."""
+    """YAML with the numbers of rcl: ``1e6`` is a number; a date or ``1:30`` is a text."""
 
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
         keys = [self.construct_object(key, deep=True) for key, _ in node.value]
@@ -37,7 +37,7 @@ _Loader.yaml_implicit_resolvers = {
     first: [(tag, pattern) for tag, pattern in resolvers if tag not in _REPLACED]
     for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
 }
-# In this order: what is no integer may be a float.
+# In this order, since a text that is no integer may be a float.
 for _tag, _pattern in (('int', _INTEGER), ('float', _FLOAT)):
     _Loader.add_implicit_resolver(
         f'tag:yaml.org,2002:{_tag}', re.compile(f'^(?:{_pattern.pattern})$'), list('-+.0123456789')
@@ -45,7 +45,7 @@ for _tag, _pattern in (('int', _INTEGER), ('float', _FLOAT)):
 
 
 def config(package: str, name: str) -> Path:
-    """Path of a parameter file that a package of the suite ships.
+    """Path of a parameter file shipped with a package of the suite.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def parse(text: str) -> Any:
     Raises
     ------
     ValueError
-        In one line, if it is not YAML.
+        If it is not YAML; the text is one line.
     """
     try:
         return yaml.load(text, _Loader)
@@ -85,7 +85,7 @@ def parse(text: str) -> Any:
 
 
 def read_entries(path: Path | str) -> list[Entry]:
-    """All that a parameter file holds, for whatever nodes.
+    """Content of a parameter file, for all nodes.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def read_entries(path: Path | str) -> list[Entry]:
     Raises
     ------
     ValueError
-        Naming the file, if it is no such file.
+        If it is no parameter file; the text has its path.
     """
     try:
         content = parse(Path(path).read_text(encoding='utf-8'))
@@ -134,7 +134,7 @@ def _flat(group: str, values: dict[Any, Any]) -> Iterator[tuple[str, Any]]:
 
 
 def matches(pattern: str, node: str) -> bool:
-    """True if a pattern of a parameter file is for a node.
+    """True if a pattern of a parameter file matches a node.
 
     Parameters
     ----------
@@ -150,12 +150,12 @@ def matches(pattern: str, node: str) -> bool:
 
 
 def for_any_node(pattern: str) -> bool:
-    """True if a pattern names no node, so that not every parameter is one of every node."""
+    """True if a pattern matches any node, so that a node may lack some of its parameters."""
     return pattern.rsplit('/', 1)[-1] in _WILDCARDS
 
 
 def node_parameters(path: Path | str, node: str, known: Sequence[str]) -> dict[str, Any]:
-    """Parameters that a file holds for one node.
+    """Parameters for one node in a file.
 
     Parameters
     ----------
@@ -164,18 +164,18 @@ def node_parameters(path: Path | str, node: str, known: Sequence[str]) -> dict[s
     node : str
         Name with namespace, such as '/tractor1/torque_gate'.
     known : sequence of str
-        Parameters that the node has. Others are left out where the file gives them for any node,
-        as in ``/**``.
+        Parameters of the node. Others are ignored if the file has them for any node, as in
+        ``/**``.
 
     Returns
     -------
     dict of str to object
-        Values by name; what is given for the node by its name overrules what is given for any.
+        Values by name; values for the node by its name override values for any node.
 
     Raises
     ------
     ValueError
-        Naming the file, if it is no parameter file.
+        If it is no parameter file; the text has its path.
     """
     entries = [entry for entry in read_entries(path) if matches(entry[0], node)]
     found: dict[str, Any] = {}
@@ -189,7 +189,7 @@ def node_parameters(path: Path | str, node: str, known: Sequence[str]) -> dict[s
 
 
 def read_parameters(path: Path | str) -> dict[str, dict[str, Any]]:
-    """Parameters by node from a parameter file, whatever the namespace.
+    """Parameters by node from a parameter file, in any namespace.
 
     Parameters
     ----------
@@ -204,8 +204,8 @@ def read_parameters(path: Path | str) -> dict[str, dict[str, Any]]:
     Raises
     ------
     ValueError
-        Naming the file, if it is no parameter file, or if it gives a parameter of one node
-        different values in two namespaces.
+        If it is no parameter file, or if a parameter of one node has different values in two
+        namespaces.
     """
     found: dict[str, dict[str, Any]] = {}
     for pattern, given in read_entries(path):
@@ -222,7 +222,7 @@ def read_parameters(path: Path | str) -> dict[str, dict[str, Any]]:
 
 
 def take_parameter_files(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Command line of a node without its parameter files, and these files.
+    """Split the command line of a node into parameter files and the other arguments.
 
     Parameters
     ----------
@@ -232,7 +232,7 @@ def take_parameter_files(arguments: Sequence[str]) -> tuple[list[str], list[str]
     Returns
     -------
     rest, files : list of str
-        What is left, and the files in their order: a later one overrules an earlier one.
+        Other arguments, and the files in order: a later one overrides an earlier one.
     """
     rest: list[str] = []
     files: list[str] = []

@@ -9,18 +9,18 @@ from typing import Any
 from traction_node.parameter import NodeParameter
 
 WIDTH = 99
-"""Longest line of a parameter file, characters."""
+"""Length limit of lines of a parameter file, characters."""
 
 BEGIN, END = '<!-- parameters of {} -->', '<!-- end of parameters -->'
 """Comments around a generated table in a README; the first names the node."""
 
-# Texts that YAML reads as texts without quotes.
+# Texts that need no quotes in YAML.
 _PLAIN_TEXT = re.compile(r'[A-Za-z_][A-Za-z0-9_./-]*')
 _OTHER_WORDS = {'true', 'false', 'yes', 'no', 'on', 'off', 'y', 'n', 'null'}
 
 
 def value_text(value: object) -> str:
-    """Value as YAML writes it, in one line.
+    """Value as YAML, in one line.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def yaml_text(
     heading : str
         Purpose of the file, for its first lines.
     nodes : mapping of str to tuple
-        By the name of the node: parameters to write, and values that differ from their defaults.
+        By name of node: parameters to write, and values that override their defaults.
 
     Returns
     -------
@@ -74,7 +74,7 @@ def yaml_text(
 
 
 def markdown_table(parameters: Iterable[NodeParameter]) -> str:
-    """Table of parameters for a README; * marks those that may change while the node runs.
+    """Table of parameters for a README; * marks those that can change while the node runs.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def markdown_table(parameters: Iterable[NodeParameter]) -> str:
 
 
 def put_table(readme: str, node: str, parameters: Iterable[NodeParameter]) -> str:
-    """Text of a README with the table of a node written anew between its two comments.
+    """Text of a README with a new table of a node between its two comments.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def put_table(readme: str, node: str, parameters: Iterable[NodeParameter]) -> st
     Raises
     ------
     ValueError
-        If the README has no place for the table.
+        If the README lacks the comments.
     """
     begin = BEGIN.format(node)
     before, found, rest = readme.partition(begin)

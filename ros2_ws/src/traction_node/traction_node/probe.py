@@ -1,4 +1,4 @@
-"""Run nodes as processes and watch their graph: for tests of this suite and of its users.
+"""Nodes as processes, and a probe of their graph, for tests.
 
 with NodeProcess(executable('torque_gate', 'torque_gate')) as gate, Probe() as probe:
     probe.change_state('torque_gate', 'configure')
@@ -36,7 +36,7 @@ SERVICE_TIMEOUT = 15.0  # [s]
 ANSWER_TIMEOUT = 5.0  # [s]
 ASKED_AT_MOST = 3
 SETTLE_TIME = 0.2  # [s]
-DEPTH = 1000  # messages kept for a probe that is busy
+DEPTH = 1000  # queue of a subscription, messages
 
 
 def executable(package, name):
@@ -62,14 +62,14 @@ def executable(package, name):
 
 
 def ros_arguments(params=None, params_files=(), remaps=None, namespace='', name=''):
-    """Command line of a node as `ros2 run` takes it.
+    """Command line of a node, as for `ros2 run`.
 
     Parameters
     ----------
     params : dict, optional
         Parameter values by name.
     params_files : sequence of path-like
-        YAML files of parameters, a later one overruling an earlier one.
+        YAML files of parameters; a later one overrides an earlier one.
     remaps : dict, optional
         Old names to new names.
     namespace, name : str
@@ -78,7 +78,7 @@ def ros_arguments(params=None, params_files=(), remaps=None, namespace='', name=
     Returns
     -------
     list of str
-        Starting with '--ros-args'; empty if there is nothing to say.
+        Arguments from '--ros-args' on; empty if there are none.
     """
     rules = dict(remaps or {})
     if namespace:
@@ -105,7 +105,7 @@ def _yaml(value):
 
 
 class NodeProcess:
-    """A node in a process of its own; as a context manager, it is ended with the block.
+    """Node in its own process; a context manager that ends the process.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ class NodeProcess:
     env : dict of str, optional
         Environment variables to add.
     quiet : bool
-        Do not print at the end what the node printed.
+        True: the output of the node is not printed at the end.
     """
 
     def __init__(self, path, *args, env=None, quiet=False, **ros):
@@ -153,7 +153,7 @@ class NodeProcess:
         self._reader.join()
         self._process.stdout.close()
         if not self._quiet:
-            # Shown by the test runner if the test failed.
+            # The test runner shows it if the test failed.
             print(f'--- {" ".join(self.command)}: exit status {self._process.returncode}')
             print(self.output, end='')
 
@@ -169,31 +169,31 @@ class NodeProcess:
 
     @property
     def output(self):
-        """All it printed so far, both streams."""
+        """Output so far, of both streams."""
         with self._changed:
             return ''.join(self._lines)
 
     def wait_for_output(self, text, timeout=END_TIMEOUT):
-        """Wait until it printed something.
+        """Wait until its output contains a text.
 
         Parameters
         ----------
         text : str
-            What to wait for.
+            Text to wait for.
         timeout : float
             Longest time [s].
 
         Raises
         ------
         TimeoutError
-            With all that was printed instead.
+            If it does not come; the text has the whole output.
         """
         with self._changed:
             if not self._changed.wait_for(lambda: text in ''.join(self._lines), timeout):
                 raise TimeoutError(f'no "{text}" in {timeout:g} s in:\n{"".join(self._lines)}')
 
     def wait(self, timeout=END_TIMEOUT):
-        """Exit status, once the process ends by itself and all its output has been read.
+        """Wait for the end of the process and of its output; returns its exit status.
 
         Parameters
         ----------
@@ -205,7 +205,7 @@ class NodeProcess:
         return status
 
     def interrupt(self):
-        """End it as Ctrl-C does; returns its exit status."""
+        """End it with SIGINT, as Ctrl-C; returns its exit status."""
         self._process.send_signal(signal.SIGINT)
         return self.wait()
 
@@ -220,22 +220,22 @@ class NodeProcess:
         return self.wait()
 
 
-class _NoAnswerError(TimeoutError):
-    """A service that is there did not answer."""
+class _NoResponseError(TimeoutError):
+    """An existing service did not respond."""
 
 
 class Probe:
-    """A node of the test itself, with a context and an executor of its own.
+    """Node of a test, with its own context and executor.
 
     Parameters
     ----------
     namespace : str
-        Namespace of the topics and nodes it talks to.
+        Namespace of the topics and nodes under test.
 
     Attributes
     ----------
     node : rclpy.node.Node
-        For what the methods below do not cover.
+        Node of rclpy.
     """
 
     def __init__(self, namespace=''):
@@ -263,21 +263,21 @@ class Probe:
         Parameters
         ----------
         condition : callable
-            Called without arguments after each callback; anything true ends the wait.
+            Called without arguments after each callback; a true result ends the wait.
         timeout : float
             Longest time [s].
         what : str
-            What is waited for, in words.
+            Name of the event, for the error.
 
         Returns
         -------
         object
-            What `condition` returned.
+            Result of `condition`.
 
         Raises
         ------
         TimeoutError
-            Naming what did not happen.
+            If it does not happen; the text has `what`.
         """
         end = time.monotonic() + timeout
         while not (result := condition()):
@@ -305,12 +305,12 @@ class Probe:
         name : str
             Name in `topics.yaml`.
         callback : callable, optional
-            Called with each message as well.
+            Called with each message, too.
 
         Returns
         -------
         list
-            Messages received, growing.
+            Received messages; it grows.
         """
         received = []
 
@@ -320,7 +320,7 @@ class Probe:
                 callback(message)
 
         row = topic(name)
-        # A test that is busy elsewhere for a moment must not take that for a lost message.
+        # Long enough that a busy test loses no messages.
         qos = copy.copy(QOS[row.qos])
         qos.depth = DEPTH
         self.node.create_subscription(message_class(row.type), name, take, qos)
@@ -340,21 +340,21 @@ class Probe:
                 message_class(row.type), name, QOS[row.qos]
             )
         publisher = self._publishers[name]
-        # Every time, as the node that listened before may have gone.
+        # At every call, since an earlier subscriber may have ended.
         if not publisher.get_subscription_count():
             self.wait_for(
                 publisher.get_subscription_count, SERVICE_TIMEOUT, f'subscriber of {name}'
             )
-            # A match is known here before it is known there, and until then best-effort messages
-            # are lost; nothing tells when it is known there.
+            # The subscriber matches later than the publisher, without notice; until then
+            # best-effort messages are lost.
             self.run_for(SETTLE_TIME)
         return publisher
 
     def call(self, service_type, name, request):
-        """Call a service and wait for its answer.
+        """Call a service and wait for its response.
 
-        DDS may lose the answer to a client that the server has only just met, so a service
-        that stays silent is asked again: it must bear that.
+        DDS may lose the response to a new client, so a call without response is repeated. The
+        service must allow this.
 
         Parameters
         ----------
@@ -371,10 +371,10 @@ class Probe:
         Raises
         ------
         TimeoutError
-            Naming the service, if it is not there or never answers.
+            If the service does not exist or does not respond.
         """
         for _ in range(ASKED_AT_MOST):
-            with contextlib.suppress(_NoAnswerError):
+            with contextlib.suppress(_NoResponseError):
                 return self._ask(service_type, name, request)
         raise TimeoutError(f'no answer of {name}, asked {ASKED_AT_MOST} times')
 
@@ -388,11 +388,11 @@ class Probe:
             self.wait_for(future.done, ANSWER_TIMEOUT, f'answer of {name}')
         except TimeoutError as error:
             client.remove_pending_request(future)
-            raise _NoAnswerError from error
+            raise _NoResponseError from error
         return future.result()
 
     def change_state(self, node, transition):
-        """Ask a lifecycle node for a transition.
+        """Request a transition of a lifecycle node.
 
         Parameters
         ----------
@@ -404,14 +404,14 @@ class Probe:
         Returns
         -------
         bool
-            True if the node did it.
+            True if it succeeded.
         """
         request = ChangeState.Request(transition=Transition(label=transition))
         before = self.state(node)
         try:
             return self._ask(ChangeState, f'{node}/change_state', request).success
-        except _NoAnswerError:
-            # Only the answer may have been lost: a second request would then be refused.
+        except _NoResponseError:
+            # If only the response was lost, a second request would be rejected.
             if self.state(node) != before:
                 return True
             return self.call(ChangeState, f'{node}/change_state', request).success
@@ -426,7 +426,7 @@ class Probe:
         Returns
         -------
         str
-            Reason of the refusal, empty if the value was accepted.
+            Reason of the rejection; empty if the value was accepted.
         """
         request = SetParameters.Request(
             parameters=[Parameter(name, value=value).to_parameter_msg()]
@@ -435,12 +435,12 @@ class Probe:
         return '' if result.successful else result.reason or 'refused without a reason'
 
     def diagnostics(self, node):
-        """All that a node said in `/diagnostics` so far, oldest first.
+        """Entries of a node in `/diagnostics` so far, oldest first.
 
         Parameters
         ----------
         node : str
-            Name in `/diagnostics`: that of the node with its namespace.
+            Name in `/diagnostics`: name of the node with namespace.
 
         Returns
         -------

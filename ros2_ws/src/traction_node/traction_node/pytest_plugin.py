@@ -1,8 +1,8 @@
-"""Pytest plugin: a ROS domain of its own for every test run, and a mark for tests of processes.
+"""Pytest plugin: a separate ROS domain for every test run, and a mark for tests of processes.
 
-Pytest loads it wherever this package is installed, so that the tests of a package run alike from
-its own folder, under `colcon test` and from the root of the repository. A domain that the user
-has chosen by `ROS_DOMAIN_ID` stays; `-p no:traction_node` does without all of it.
+Pytest loads it wherever this package is installed. So the tests of a package run the same way from
+its folder, under `colcon test` and from the root of the repository. A user's `ROS_DOMAIN_ID` is
+kept. `-p no:traction_node` disables the plugin.
 """
 
 import os
@@ -12,11 +12,11 @@ import pytest
 from traction_node.transport import keep_local, use_udp
 
 STARTERS = {'NodeProcess', 'Probe', 'RunningSystem'}
-"""Names that start nodes; a test module that has one of them is one of real processes."""
+"""Names that start nodes; a test module with one of them has tests of processes."""
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Keep messages on this machine, and declare the mark."""
+    """Restrict messages to this machine, and declare the mark."""
     # The workers of pytest-xdist inherit the domain of the run that started them.
     if 'ROS_DOMAIN_ID' not in os.environ:
         keep_local()

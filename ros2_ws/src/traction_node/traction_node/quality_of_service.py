@@ -12,7 +12,7 @@ class Qos:
     reliable : bool
         Reliable, else best effort.
     latched : bool
-        Transient local (late subscribers get the last messages), else volatile.
+        Transient local (late subscribers receive the last messages), else volatile.
     depth : int
         Number of messages kept.
     """

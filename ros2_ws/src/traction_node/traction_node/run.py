@@ -1,4 +1,4 @@
-"""The one way a node of the suite spins and ends."""
+"""Spinning and end of a node."""
 
 import os
 import re
@@ -32,8 +32,8 @@ except ImportError:  # older releases of rclpy
 SIGNALS = {signal.SIGINT, signal.SIGTERM}
 RCLError = rclpy_implementation.RCLError
 DEFECT, BAD_INPUT = 1, 2
-# spin_until_future_complete must be given some timeout: without one, the EventsExecutor of some
-# releases waits in a busy loop. What ends it is the future; the timeout only starts it again.
+# Without a timeout the EventsExecutor of some releases waits in a busy loop. The future ends the
+# spinning; after the timeout it only starts again.
 SPIN_TIMEOUT = 60.0  # [s]
 SELF_TEST_TIMEOUT = 0.5  # [s]
 
@@ -44,7 +44,7 @@ def self_test(executor: Executor, node: Node) -> bool:
     Parameters
     ----------
     executor : rclpy.executors.Executor
-        Executor the node was added to.
+        Executor with the node.
     node : rclpy.node.Node
         Node to create the timer with.
     """
@@ -66,10 +66,10 @@ def self_test(executor: Executor, node: Node) -> bool:
 
 
 def executor_for(node: Node) -> Executor:
-    """The fastest executor that works here, with the node added.
+    """Fastest executor that works on this machine, with the node added.
 
-    The EventsExecutor takes a quarter of the processor time of the others and keeps timers to
-    0.1 ms, but is experimental, so it has to pass a test first.
+    The EventsExecutor takes a quarter of the processor time of the others and its timers are
+    accurate to 0.1 ms. It is experimental, so it must pass a test first.
     """
     if EventsExecutor is not None:
         executor = EventsExecutor()
@@ -85,15 +85,15 @@ def executor_for(node: Node) -> Executor:
 
 
 def catch_signals() -> int:
-    """Note SIGINT and SIGTERM in a pipe, whichever thread they reach and whenever they come.
+    """Write SIGINT and SIGTERM to a pipe, in any thread at any time.
 
-    Python's own handlers run in the main thread only, which a C++ executor does not leave;
-    and threads that libraries start on import cannot be kept from receiving signals.
+    Python's handlers run in the main thread only, which is inside a C++ executor. Threads started
+    by libraries at import can receive signals, too.
 
     Returns
     -------
     int
-        File descriptor to read from: one byte a signal, its number.
+        File descriptor for reading: one byte per signal, its number.
     """
     receiving, sending = os.pipe()
     os.set_blocking(sending, False)
@@ -106,13 +106,12 @@ def catch_signals() -> int:
 def stop_on_signal(signals: int, executor: Executor, stop: Future) -> None:
     """End spinning on the first SIGINT or SIGTERM, and the process on the second.
 
-    The node can then still publish its last messages, which a signal handler of rclpy would
-    not let it.
+    After the first the node can still publish, which the signal handler of rclpy prevents.
 
     Parameters
     ----------
     signals : int
-        What `catch_signals` returned.
+        Result of `catch_signals`.
     executor : rclpy.executors.Executor
         Executor that spins until `stop` is done.
     stop : rclpy.task.Future
@@ -148,34 +147,34 @@ def spin(executor: Executor, stop: Future) -> None:
 def make_node(
     behaviour: type[Behaviour], parameter_files: Sequence[str] = ()
 ) -> HostNode | LifecycleHostNode:
-    """Node that runs a behaviour, by its `LIFECYCLE` one or the other kind.
+    """Node of a behaviour, with or without lifecycle.
 
     Parameters
     ----------
     behaviour : type
         Subclass of `traction_node.behaviour.Behaviour`.
     parameter_files : sequence of str
-        Parameter files, a later one overruling an earlier one.
+        Parameter files; a later one overrides an earlier one.
     """
     return (LifecycleHostNode if behaviour.LIFECYCLE else HostNode)(behaviour, parameter_files)
 
 
 def run(behaviour: type[Behaviour], args: list[str] | None = None) -> int:
-    """Make a node of a behaviour, spin it until it is told to end, and end it.
+    """Run a behaviour as a node until its end.
 
     Parameters
     ----------
     behaviour : type
         Subclass of `traction_node.behaviour.Behaviour`.
     args : list of str, optional
-        Command line with the programme's name, by default that of the process.
+        Command line with the program name; default: that of the process.
 
     Returns
     -------
     int
         Exit status: 0 after SIGINT, SIGTERM, `finish()` or a shutdown of the context; 1 after
-        `finish(reason)` or a defect (its traceback is printed); 2 after input that is refused
-        (printed in one line).
+        `finish(reason)` or a defect (its traceback is printed); 2 after invalid input (printed in
+        one line).
     """
     args = sys.argv if args is None else args
     signals = catch_signals()
@@ -219,7 +218,7 @@ def run(behaviour: type[Behaviour], args: list[str] | None = None) -> int:
 
 
 def report(behaviour: type[Behaviour], reason: object) -> None:
-    """Print in one line why a node does not run."""
-    # rcl appends the places in its own source, which tell a user nothing.
+    """Print the reason why a node does not run, in one line."""
+    # rcl appends places in its source code, which do not help users.
     reason = re.sub(r', at \S+\.c:\d+', '', ' '.join(str(reason).split()))
     print(f'{behaviour.NAME}: {reason}', file=sys.stderr)

@@ -1,4 +1,4 @@
-"""Runs the system as processes, for those without `ros2 launch`."""
+"""System of nodes as processes, without `ros2 launch`."""
 
 import contextlib
 from collections.abc import Callable, Sequence
@@ -8,29 +8,29 @@ from traction_node.node_spec import NodeSpec
 from traction_node.probe import NodeProcess, Probe, executable
 
 START_TIMEOUT = 60.0
-"""Longest time for all nodes to be ready, s: a cold disk and one slow core."""
+"""Longest time for all nodes to be ready, s, for a cold disk and one slow core."""
 
 
 class NodeEndedError(RuntimeError):
-    """A node of the system ended by itself; the text says which and what it printed."""
+    """A node of the system ended unexpectedly; the text has its name and output."""
 
 
 class RunningSystem:
-    """The system's nodes as processes; as a context manager, they end with the block.
+    """Nodes of the system as processes; a context manager that ends them.
 
-    The last node starts once all others are ready, so that nothing of the drive is missed.
+    The last node starts when all others are ready, so that they receive the whole drive.
 
     Parameters
     ----------
     nodes : sequence of NodeSpec
-        The nodes, in the order in which to start them.
+        Nodes, in the order of their start.
 
     Attributes
     ----------
     probe : traction_node.probe.Probe
-        Watches the graph.
+        Probe of the graph.
     processes : dict of str to NodeProcess
-        The nodes by name.
+        Nodes by name.
     """
 
     def __init__(self, nodes: Sequence[NodeSpec]) -> None:
@@ -68,7 +68,7 @@ class RunningSystem:
 
     def _await_ready(self, node: NodeSpec) -> None:
         def ready() -> bool:
-            # A short drive may be over before anyone has heard of it.
+            # A short drive may end before its first diagnostic.
             self.check(may_end=[node.name])
             if not self.processes[node.name].running:
                 return True
@@ -84,7 +84,7 @@ class RunningSystem:
         self.probe.wait_for(ready, START_TIMEOUT, f'sign of life of {node.name}')
 
     def check(self, may_end: Sequence[str] = ()) -> None:
-        """Make sure that all nodes are running.
+        """Check that all nodes are running.
 
         Parameters
         ----------
@@ -94,7 +94,7 @@ class RunningSystem:
         Raises
         ------
         NodeEndedError
-            Naming the node that is not, with the last that it printed.
+            If a node is not running; the text has its name and last output.
         """
         for name, process in self.processes.items():
             if process.running:
@@ -106,7 +106,7 @@ class RunningSystem:
             raise NodeEndedError(f'{name} ended with exit status {status}:\n{said}')
 
     def run_until_end_of(self, name: str, timeout: float, tick: Callable[[], None]) -> None:
-        """Run until a node ends by itself.
+        """Wait for the end of a node.
 
         Parameters
         ----------
@@ -115,14 +115,14 @@ class RunningSystem:
         timeout : float
             Longest time, s.
         tick : callable
-            Called now and then, e.g. to show progress.
+            Called regularly, for example to show progress.
 
         Raises
         ------
         NodeEndedError
             If another node ends, or this one with an exit status other than 0.
         TimeoutError
-            If it goes on for longer.
+            If it takes longer.
         """
 
         def ended() -> bool:

@@ -6,7 +6,7 @@ NANOSECONDS = 1_000_000_000
 
 
 class Stamp(Protocol):
-    """A `builtin_interfaces/msg/Time`, or anything with its two fields."""
+    """A `builtin_interfaces/msg/Time`, or any object with its two fields."""
 
     sec: int
     nanosec: int
@@ -72,7 +72,7 @@ def to_stamp(stamp: Stamp, time: float) -> None:
         Time [s], >= 0, rounded to the nearest nanosecond.
     """
     whole = int(time)
-    # The fraction of a float has few digits left near the present date, so round it by itself.
+    # Rounded separately, since floats near the present date have few digits for the fraction.
     carry, nanosec = divmod(round((time - whole) * NANOSECONDS), NANOSECONDS)
     stamp.sec = whole + carry
     stamp.nanosec = nanosec

@@ -1,29 +1,29 @@
-"""Wait of a node that publishes until its subscribers are matched."""
+"""Wait of a publishing node until its subscribers are matched."""
 
 from collections.abc import Mapping
 
 from traction_node.host import Publisher
 
 SETTLE_TIME = 0.2
-"""Time from the match known here to the one known to the subscriber, s.
+"""Time from the match at the publisher to the match at the subscriber, s.
 
-Until then best-effort messages are lost. Nothing tells when it is over."""
+Until then best-effort messages are lost. There is no notice of the second match."""
 
 
 class SubscriberWait:
-    """Wait until every publisher has its subscribers, at the longest for a time.
+    """Wait until every publisher has its subscribers, with a timeout.
 
-    Subscribers without history lose what was published before they were matched. Ask `over` again
-    and again, say from a timer: a node must not block its executor.
+    Subscribers without history lose messages published before the match. Call `over` repeatedly,
+    for example from a timer, because a node must not block its executor.
 
     Parameters
     ----------
     publishers : mapping of str to publisher
-        Publishers by the name of their topic.
+        Publishers by name of topic.
     timeout : float
-        Longest wait for subscribers, s, 0 or more; 0 does not wait for them.
+        Longest wait for subscribers, s, at least 0; 0: no wait.
     needed : int
-        Subscribers that each topic needs.
+        Number of subscribers for each topic.
     """
 
     def __init__(
@@ -45,12 +45,12 @@ class SubscriberWait:
         ]
 
     def over(self, now: float) -> bool:
-        """True once all subscribers are matched and know it, or the time is over.
+        """True when all subscribers are matched on both sides, or at the timeout.
 
         Parameters
         ----------
         now : float
-            Time of a steady clock, s. The first call begins the wait.
+            Time of a steady clock, s. The first call starts the wait.
         """
         if self._began is None:
             self._began = now

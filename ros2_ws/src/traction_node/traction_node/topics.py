@@ -1,4 +1,4 @@
-"""The suite's topics, read from the one table in `traction_interfaces`."""
+"""Topics of the suite, from the table in `traction_interfaces`."""
 
 import functools
 import importlib
@@ -11,12 +11,12 @@ from ament_index_python.packages import get_package_share_directory
 
 @dataclass(frozen=True)
 class Topic:
-    """One row of the table.
+    """Row of the table of topics.
 
     Attributes
     ----------
     name : str
-        Relative name, as nodes use it; absolute for the few that have no namespace.
+        Relative name; absolute for topics without namespace.
     type : str
         Message type, such as 'sensor_msgs/msg/JointState'.
     qos : str
@@ -24,9 +24,9 @@ class Topic:
     rate : float
         Nominal rate [Hz], 0 for "on change".
     source, sink : str
-        Who publishes it, who subscribes to it.
+        Publisher and subscriber.
     description : str
-        The fields that matter, with units.
+        Fields in use, with units.
     """
 
     name: str
@@ -40,7 +40,7 @@ class Topic:
 
 @functools.cache
 def topics() -> dict[str, Topic]:
-    """All topics of the suite by name."""
+    """Topics of the suite by name."""
     share = Path(get_package_share_directory('traction_interfaces'))
     table = yaml.safe_load((share / 'config' / 'topics.yaml').read_text(encoding='utf-8'))
     return {
@@ -58,7 +58,7 @@ def topics() -> dict[str, Topic]:
 
 
 def topic(name: str) -> Topic:
-    """One topic.
+    """Topic by name.
 
     Raises
     ------

@@ -1,8 +1,8 @@
-"""Transport between processes: UDP, never shared memory; a ROS domain that nobody else uses.
+"""Transport between processes: UDP without shared memory, and an unused ROS domain.
 
-On one machine Fast DDS prefers shared memory. A process that is killed or stopped while it holds
-the lock of a queue there keeps all who send to it waiting for a second: torque would come that
-much too late. UDP keeps nobody waiting.
+On one machine Fast DDS prefers shared memory. If a process is killed or stopped while it holds the
+lock of a queue there, all senders to it wait for a second, and torque is late by this time. With
+UDP senders do not wait.
 """
 
 import contextlib
@@ -21,22 +21,22 @@ _TRANSPORTS = 'FASTDDS_BUILTIN_TRANSPORTS'
 _PROFILES = 'FASTRTPS_DEFAULT_PROFILES_FILE'
 
 _taken = contextlib.ExitStack()
-"""Keeps a domain until this process ends."""
+"""Reservation of a domain until the end of this process."""
 
 
 def keep_local() -> None:
-    """Give this process and its children a ROS domain of their own, on this machine only.
+    """Set an unused ROS domain for this process and its children, on this machine only.
 
-    Not that of the environment: a tractor may be listening there. No two processes that ask here,
-    or through ROS's own `domain_coordinator`, get the same.
+    The domain of the environment is not used, since a tractor may be in it. Domains are unique
+    among processes that call this function or ROS's `domain_coordinator`.
 
     Raises
     ------
     RuntimeError
-        If every domain is taken.
+        If all domains are in use.
     """
     foreign = int(os.environ.get(_DOMAIN, '0'))
-    # Domains 1..100 are those whose ports Linux gives to no other programme.
+    # Linux does not assign the ports of domains 1..100 to other programs.
     free = [domain for domain in range(1, 101) if domain != foreign]
     random.SystemRandom().shuffle(free)
     candidates = itertools.cycle(free)
@@ -46,17 +46,17 @@ def keep_local() -> None:
 
 
 def use_udp(environment: MutableMapping[str, str] = os.environ) -> None:
-    """Set the environment of this process and its children so that they use UDP alone.
+    """Restrict this process and its children to UDP, by environment variables.
 
-    Call it before `rclpy.init`. Transports and profiles that the user has chosen stay.
+    Call it before `rclpy.init`. Transports and profiles chosen by the user are kept.
 
     Parameters
     ----------
     environment : mutable mapping of str to str, optional
-        That of the process.
+        Environment of the process.
     """
-    # With LOCALHOST, rmw_fastrtps adds shared memory to whatever transports are chosen, unless
-    # the profile keeps to this machine.
+    # With LOCALHOST, rmw_fastrtps adds shared memory to all transports, unless the profile
+    # restricts them to this machine.
     if environment.get(_RANGE) == 'LOCALHOST' and _PROFILES not in environment:
         share = Path(get_package_share_directory('traction_node'))
         environment[_PROFILES] = str(share / 'config' / 'loopback.xml')

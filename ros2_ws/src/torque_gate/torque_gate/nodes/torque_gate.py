@@ -1,4 +1,4 @@
-"""Node `torque_gate`: `wheel_torque_command` in, checked and limited `wheel_torque` out."""
+"""Node `torque_gate`: from `wheel_torque_command` to checked and limited `wheel_torque`."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -24,7 +24,7 @@ LEVELS = {
 
 
 class TorqueGateBehaviour(Behaviour):
-    """Messages to `torque_gate.gate.TorqueGate` and back, with a watchdog on the steady clock."""
+    """Messages to and from `torque_gate.gate.TorqueGate`, with a watchdog on the steady clock."""
 
     NAME = 'torque_gate'
     LIFECYCLE = True
@@ -32,7 +32,7 @@ class TorqueGateBehaviour(Behaviour):
         NodeParameter(
             'wheel_names',
             default=['fl', 'fr', 'rl', 'rr'],
-            description='wheels that every command must name, and the order of the lists below',
+            description='names of the wheels in every command, and order of the lists below',
             read_only=True,
         ),
         NodeParameter(
@@ -69,7 +69,7 @@ class TorqueGateBehaviour(Behaviour):
         NodeParameter(
             'release_time',
             default=0.06,
-            description='time in which torque then goes to the safe torque',
+            description='time of the linear change to the safe torque after that',
             unit='s',
             minimum=0.0,
             maximum=0.18,
@@ -79,8 +79,7 @@ class TorqueGateBehaviour(Behaviour):
             'max_age',
             default=0.2,
             description=(
-                'a command whose stamp is this much older or younger than that of the '
-                'newest wheel states is refused'
+                'largest difference between the stamps of a command and of the newest wheel states'
             ),
             unit='s',
             minimum=0.01,
@@ -90,7 +89,7 @@ class TorqueGateBehaviour(Behaviour):
         NodeParameter(
             'safe_torque',
             default=0.0,
-            description='torque of every wheel without command',
+            description='torque of every wheel without a command',
             unit='N·m',
             read_only=True,
         ),
@@ -98,15 +97,15 @@ class TorqueGateBehaviour(Behaviour):
 
     def __init__(self, host: Host):
         super().__init__(host)
-        # An emergency stop outlives the gate, which is built anew when the node is configured.
+        # Kept here because a new configuration constructs a new gate.
         self._stopped_by: frozenset[StopSource] = frozenset()
 
     def check_parameters(self, p: SimpleNamespace) -> None:
-        """Refuse limits that do not fit the wheels or each other."""
+        """Check that limits suit the wheels and each other."""
         TorqueGate.from_parameters(p)
 
     def configure(self) -> None:
-        """Build the gate; measured torques are followed from here on."""
+        """Construct the gate; it receives measured torques from now on."""
         self._gate = TorqueGate.from_parameters(self.host.p)
         for source in self._stopped_by:
             self._gate.emergency_stop(source, True)
@@ -115,7 +114,7 @@ class TorqueGateBehaviour(Behaviour):
         self._output.header.frame_id = 'base_link'
         self._output.effort = self._gate.output
         self._efforts = self._output.effort
-        # None has come: zero.
+        # Zero until a stamp arrives.
         self._newest_stamp = self.host.message('wheel_torque').header.stamp
         self._publisher = self.host.publisher('wheel_torque')
         self.host.subscription('wheel_states', self._measured)
@@ -127,12 +126,12 @@ class TorqueGateBehaviour(Behaviour):
         self._told_at = 0.0
 
     def activate(self) -> None:
-        """Begin to pass commands, and to put out the safe torque without them."""
+        """Start to pass commands, and to send the safe torque without them."""
         self._told_state = None
         self.host.steady_timer(WATCHDOG_PERIOD, self._watch)
 
     def deactivate(self) -> None:
-        """Leave the wheels at the safe torque."""
+        """Send the safe torque."""
         self._gate.release()
         self._publish(self._newest_stamp)
 
@@ -181,10 +180,10 @@ class TorqueGateBehaviour(Behaviour):
         self._publisher.publish(self._output)
 
     def _tell(self, now: float) -> None:
-        """Report what is new and bad, or good again, at once; the rest once a second.
+        """Report a worse state or a recovery at once, other changes once a second.
 
-        Limits and single bad commands may come and go with every message, which would
-        flood /diagnostics.
+        Limits and single invalid commands may change with every message, too often for
+        /diagnostics.
         """
         gate = self._gate
         level = WARN if gate.limiting else LEVELS[gate.state]
