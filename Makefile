@@ -22,7 +22,7 @@ test: setup  ## Run the tests; those with real processes after the others, which
 	@.venv/bin/python -m pytest -n 2 -m 'not process and not nightly'; cores=$$?; \
 	.venv/bin/python -m pytest -m 'process and not nightly' && exit $$cores
 
-faults: setup  ## Put faults into the running suite, measure what it makes of them: docs/safety.md
+faults: setup  ## Inject faults into the running suite, measure their effects: docs/safety.md
 	@.venv/bin/traction faults
 
 fuzz: setup  ## A million fuzzed CAN frames, 100,000 damaged bags, YAML and CSV files (test runs 1 %)

@@ -1,4 +1,4 @@
-"""Launch the whole suite with a simulated tractor and a drive cycle.
+"""Suite with a simulated tractor and a drive cycle.
 
 ros2 launch traction_bringup simulation.launch.py [controlled:=false] [bag:=FOLDER] ...
 """
@@ -29,11 +29,11 @@ def generate_launch_description():
                 description='with the slip controller',
             ),
             DeclareLaunchArgument(
-                'bag', default_value='', description='folder to record all topics into'
+                'bag', default_value='', description='folder for a recording of all topics'
             ),
             DeclareLaunchArgument('namespace', default_value='', description='of all nodes'),
             DeclareLaunchArgument(
-                'parameters', default_value='', description='YAML of parameters of your own'
+                'parameters', default_value='', description='YAML file with your parameters'
             ),
             OpaqueFunction(function=_nodes),
         ]

@@ -1,4 +1,4 @@
-"""Launch estimator, controller and gate for a tractor whose topics come from elsewhere.
+"""Estimator, controller and gate, for the topics or the CAN bus of a tractor.
 
 ros2 launch traction_bringup traction.launch.py [parameters:=FILE] [bag:=FOLDER]
     [namespace:=NAME] [can:=INTERFACE]
@@ -27,14 +27,16 @@ def generate_launch_description():
     return LaunchDescription(
         [
             DeclareLaunchArgument(
-                'bag', default_value='', description='folder to record all topics into'
+                'bag', default_value='', description='folder for a recording of all topics'
             ),
             DeclareLaunchArgument(
-                'can', default_value='', description='CAN interface to the tractor, if any'
+                'can', default_value='', description='CAN interface to the tractor; empty: topics'
             ),
-            DeclareLaunchArgument('namespace', default_value='', description='of all nodes'),
             DeclareLaunchArgument(
-                'parameters', default_value='', description='YAML of parameters of your own'
+                'namespace', default_value='', description='namespace of all nodes'
+            ),
+            DeclareLaunchArgument(
+                'parameters', default_value='', description='YAML file with your parameters'
             ),
             DeclareLaunchArgument(
                 'autostart',

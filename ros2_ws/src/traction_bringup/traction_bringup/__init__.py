@@ -1,1 +1,1 @@
-"""The suite as a system: launch files, the drive cycle, and the traction command."""
+"""The suite as a system: launch files, drive cycle and the command `traction`."""

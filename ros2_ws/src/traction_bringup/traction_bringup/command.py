@@ -13,13 +13,11 @@ from rich.progress import Progress
 from rich.table import Table
 
 app = typer.Typer(
-    help='Off-road traction control: simulate, control, replay, look.',
+    help='Off-road traction control: simulate, replay, plot, evaluate.',
     no_args_is_help=True,
     pretty_exceptions_enable=False,
 )
-bag_app = typer.Typer(
-    help='Look into bags, make, import, repair and cut them.', no_args_is_help=True
-)
+bag_app = typer.Typer(help='Show, make, import, repair and cut bags.', no_args_is_help=True)
 app.add_typer(bag_app, name='bag')
 # Paths may have brackets.
 console = Console(markup=False)
@@ -27,7 +25,7 @@ console = Console(markup=False)
 
 @contextlib.contextmanager
 def _progress(text: str) -> Iterator[Callable[[float], None]]:
-    """Show how far something is; gives what is to be called with the share that is done."""
+    """Progress bar; yields a function to call with the share done."""
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task(escape(text), total=1.0)
         yield lambda share: progress.update(task, completed=share)
@@ -39,7 +37,7 @@ Bag = Annotated[Path, typer.Argument(help='Bag: folder, .mcap or .db3 file.')]
 @app.command()
 def demo(
     folder: Annotated[
-        Path, typer.Option(help='Where to put picture and bags.', file_okay=False)
+        Path, typer.Option(help='Folder for picture and bags.', file_okay=False)
     ] = Path('out/demo'),
     duration: Annotated[float, typer.Option(help='Length of each drive, s.', min=12.0)] = 30.0,
     can: Annotated[
@@ -56,23 +54,23 @@ def demo(
 @app.command()
 def ecu(
     can: Annotated[
-        str, typer.Option(help='CAN interface to be heard on: udp_multicast, socketcan.')
+        str, typer.Option(help='CAN interface of the tractor: udp_multicast, socketcan.')
     ] = 'udp_multicast',
     channel: Annotated[
-        str, typer.Option(help='Name of the bus, or multicast address; default: the usual one.')
+        str, typer.Option(help='Name of the bus, or multicast address; default: of the interface.')
     ] = '',
     port: Annotated[
         int | None,
-        typer.Option(help='Port of a bus over UDP; default: the usual one.', min=1, max=65535),
+        typer.Option(help='Port of a bus over UDP; default: 43113.', min=1, max=65535),
     ] = None,
     parameters: Annotated[
         str,
         typer.Option(
-            help='YAML file of parameters of your own for plant_node, tractor_ecu and drive_cycle.'
+            help='YAML file with your parameters of plant_node, tractor_ecu and drive_cycle.'
         ),
     ] = '',
 ) -> None:
-    """Be a tractor on a CAN bus, simulated, until Ctrl-C."""
+    """Simulate a tractor on a CAN bus, until Ctrl-C."""
     from traction_bringup.ecu import ecu as run_ecu
 
     run_ecu(can, channel, port, parameters, console)
@@ -82,20 +80,19 @@ def ecu(
 def replay(
     bag: Bag,
     output: Annotated[
-        Path | None, typer.Option('--output', '-o', help='Bag of the outputs to write.')
+        Path | None, typer.Option('--output', '-o', help='Bag to write the outputs to.')
     ] = None,
     against: Annotated[
         Path | None,
-        typer.Option(help='Golden file, or bag of an earlier replay, to compare with.'),
+        typer.Option(help='Golden file, or bag of an earlier replay, for comparison.'),
     ] = None,
     tolerance: Annotated[
-        float | None, typer.Option(help='Of --against: relative; 0 for equal numbers.', min=0.0)
+        float | None,
+        typer.Option(help='Tolerance of --against, relative; 0: equal.', min=0.0),
     ] = None,
-    golden: Annotated[
-        Path | None, typer.Option(help='Golden file to write, or to replace.')
-    ] = None,
-    vehicle: Annotated[str, typer.Option(help='Vehicle; default: the one the bag names.')] = '',
-    soil: Annotated[str, typer.Option(help='Nominal soil; default: as the bag says.')] = '',
+    golden: Annotated[Path | None, typer.Option(help='Golden file to write or replace.')] = None,
+    vehicle: Annotated[str, typer.Option(help='Vehicle; default: from the bag.')] = '',
+    soil: Annotated[str, typer.Option(help='Nominal soil; default: from the bag.')] = '',
     params_file: Annotated[
         Path | None,
         typer.Option(help='YAML file with parameters of the nodes.'),
@@ -105,16 +102,16 @@ def replay(
         typer.Option('--param', '-p', help='NODE.NAME=VALUE, may be repeated.'),
     ] = None,
     settle: Annotated[
-        float, typer.Option(help='Do not judge before this time, s.', min=0.0)
+        float, typer.Option(help='Time to leave out at the start of the comparison, s.', min=0.0)
     ] = 2.0,
     min_speed: Annotated[
-        float, typer.Option(help='Do not judge below this rim speed, m/s.', min=0.05)
+        float, typer.Option(help='Lowest rim speed in the comparison, m/s.', min=0.05)
     ] = 0.3,
 ) -> None:
-    """Send a bag through estimator, controller and gate: the same outputs every time.
+    """Replay a bag through estimator, controller and gate, with reproducible outputs.
 
-    Where the bag holds ground truth, the estimates are compared with it. With --against the exit
-    status is 1 where the outputs differ.
+    If the bag has ground truth, the estimates are compared with it. With --against the exit status
+    is 1 if the outputs differ.
     """
     from traction_evaluation.replay.golden import TOLERANCE, compare, write_golden
     from traction_evaluation.replay.judge import Judge
@@ -183,7 +180,7 @@ def plot(
         Path | None, typer.Option('--output', '-o', help='PNG file; default: beside the bag.')
     ] = None,
     soft_from: Annotated[
-        float | None, typer.Option(help='Where soft soil begins, m along the path.')
+        float | None, typer.Option(help='Start of the soft soil, m along the path.')
     ] = None,
 ) -> None:
     """Draw slip, speeds and torques of one or more bags."""
@@ -191,7 +188,7 @@ def plot(
     from traction_evaluation.drives.recording import read_recording
 
     recordings = [read_recording(bag) for bag in bags]
-    # Resolved, as `.` has no name of its own.
+    # Resolved, since the path `.` has no name.
     places = [bag.resolve() for bag in bags]
     path = output or places[0].with_name(f'{places[0].name}.png')
     if not path.suffix:
@@ -203,25 +200,23 @@ def plot(
 @app.command()
 def sweep(
     definition: Annotated[
-        str, typer.Argument(help='YAML file, or the name of one shipped: sweep_tractor.')
+        str, typer.Argument(help='YAML file, or name of a shipped one: sweep_tractor.')
     ],
     output: Annotated[
-        Path, typer.Option('--output', '-o', help='Where to put the results.', file_okay=False)
+        Path, typer.Option('--output', '-o', help='Folder for the results.', file_okay=False)
     ] = Path('out/sweep'),
     workers: Annotated[
-        int | None, typer.Option(help='Processes; default: one a core.', min=1)
+        int | None, typer.Option(help='Number of processes; default: one per core.', min=1)
     ] = None,
     scheduler: Annotated[
-        str, typer.Option(help='Dask scheduler to use instead, e.g. tcp://host:8786.')
+        str, typer.Option(help='Dask scheduler to use instead, such as tcp://host:8786.')
     ] = '',
     draws: Annotated[
-        int | None, typer.Option(help='In place of the number in the file.', min=1)
+        int | None, typer.Option(help='Number of draws; default: from the file.', min=1)
     ] = None,
-    seed: Annotated[
-        int | None, typer.Option(help='In place of the seed in the file.', min=0)
-    ] = None,
+    seed: Annotated[int | None, typer.Option(help='Seed; default: from the file.', min=0)] = None,
 ) -> None:
-    """Simulate many drives with soil, vehicle and torque drawn at random."""
+    """Simulate many drives with random soil, vehicle and torque."""
     from traction_evaluation.sweeps.sweep_report import sweep as run_sweep_and_report
 
     interrupted = run_sweep_and_report(
@@ -245,25 +240,25 @@ def synthesize(
     ] = 'hinf',
     rate: Annotated[float, typer.Option(help='Rate of the controller, Hz.', min=1.0)] = 100.0,
     lag_min: Annotated[
-        float, typer.Option(help='Least lag from command to shaft torque, s.', min=1e-3)
+        float, typer.Option(help='Smallest lag from command to shaft torque, s.', min=1e-3)
     ] = 0.1,
     lag_max: Annotated[float, typer.Option(help='Largest such lag, s.', min=1e-3)] = 0.3,
     delay: Annotated[float, typer.Option(help='Transport delay, s.', min=1e-4)] = 0.02,
     stiffness_error: Annotated[
-        float, typer.Option(help='Factor by which stiffness may be misjudged.', min=1.05)
+        float, typer.Option(help='Largest factor between estimated and true stiffness.', min=1.05)
     ] = 2.0,
     response_time: Annotated[
-        float, typer.Option(help='Weight: lower for a quicker loop, s.', min=1e-3)
+        float, typer.Option(help='Weight: lower for a faster loop, s.', min=1e-3)
     ] = 0.3,
     effort: Annotated[
-        float, typer.Option(help='Weight: higher for a calmer loop; lqr takes about 1.', min=1e-6)
+        float, typer.Option(help='Weight: higher for a smoother loop; for lqr about 1.', min=1e-6)
     ] = 20.0,
     output: Annotated[
         Path | None,
         typer.Option('--output', '-o', help='File to write; default: VEHICLE_KIND.yaml.'),
     ] = None,
     check: Annotated[
-        Path | None, typer.Option(help='Only check this gain table, on a denser grid, too.')
+        Path | None, typer.Option(help='Only check this gain table, also on a denser grid.')
     ] = None,
 ) -> None:
     """Synthesise the gains of slip control for a vehicle, with their certificate."""
@@ -272,7 +267,7 @@ def synthesize(
     if check is not None:
         check_table(check, console)
         return
-    # Rounded up: a command that arrives between two samples counts from the next.
+    # Rounded up: a command between two samples takes effect at the next.
     samples = math.ceil(delay * rate - 1e-6)
     synthesize_table(
         vehicle,
@@ -300,7 +295,7 @@ Bags = Annotated[
 FieldData = Annotated[
     Path | None,
     typer.Option(
-        help='Folder of field data; without it their section stays as it is.',
+        help='Folder of field data; without it their section is kept.',
         exists=True,
         file_okay=False,
     ),
@@ -317,16 +312,16 @@ def evaluate(
     ] = None,
     tuning_draws: Annotated[
         int | None,
-        typer.Option(help='Trials that the fixed PI is tuned on, a power of 2; default: 128.'),
+        typer.Option(help='Trials for the tuning of the fixed PI, a power of 2; default: 128.'),
     ] = None,
     seed: Annotated[int, typer.Option(help='Seed of the draws.', min=0)] = 1,
     quick: Annotated[
-        bool, typer.Option('--quick', help='A look: 16 trials, and four fixed PIs on 4.')
+        bool, typer.Option('--quick', help='Short run: 16 trials, and four fixed PIs on 4.')
     ] = False,
 ) -> None:
     """Evaluate slip control in closed loop, and estimation: control.md.
 
-    The exit status is 2 where a target is missed.
+    The exit status is 2 if a target is missed.
     """
     from traction_evaluation.closed_loop.report import evaluate as run_evaluation
 
@@ -349,7 +344,7 @@ def verify(
 ) -> None:
     """Compare the model with Project Chrono, the paper and wheel tests: verification.md.
 
-    The exit status is 1 where a limit that is expected to hold does not.
+    The exit status is 1 if an expected limit does not hold.
     """
     from traction_evaluation.verification.report import verify as run_verification
 
@@ -358,9 +353,9 @@ def verify(
 
 @app.command()
 def faults(docs: Docs = Path('docs')) -> None:
-    """Put faults into the running suite and measure what it makes of them: safety.md.
+    """Inject faults into the running suite and measure their effects: safety.md.
 
-    The exit status is 2 where a row is beyond its limit.
+    The exit status is 2 if a row is beyond its limit.
     """
     from traction_bringup.system import system
     from traction_evaluation.faults.report import write_report
@@ -370,14 +365,12 @@ def faults(docs: Docs = Path('docs')) -> None:
 
 @bag_app.command('make')
 def make(
-    names: Annotated[
-        list[str] | None, typer.Argument(help='Runs to make bags of; default: all.')
-    ] = None,
+    names: Annotated[list[str] | None, typer.Argument(help='Names of runs; default: all.')] = None,
     bags: Bags = Path('bags'),
     csv: Annotated[
         Path | None,
         typer.Option(
-            help='Folder of plain CSV files to take the runs from first.',
+            help='Folder of uncompressed CSV files, to compress first.',
             exists=True,
             file_okay=False,
         ),
@@ -392,7 +385,7 @@ def make(
 
 @bag_app.command()
 def info(bag: Bag) -> None:
-    """Say what a bag holds."""
+    """Show topics and custom data of a bag."""
     from tractor_io.bags.reader import BagReader
 
     with BagReader(bag) as reader:
@@ -402,7 +395,7 @@ def info(bag: Bag) -> None:
                 heading, justify='right' if heading in ('messages', 'rate') else 'left'
             )
         for name, topic in reader.topics.items():
-            # n messages have n - 1 times between them.
+            # n messages have n - 1 intervals.
             rate = (topic.count - 1) / reader.duration if reader.duration > 0 else math.nan
             qos = 'reliable' if topic.qos.reliable else 'best effort'
             qos += ', latched' if topic.qos.latched else ''
@@ -425,10 +418,11 @@ def info(bag: Bag) -> None:
 def repair(
     bag: Annotated[Path, typer.Argument(help='Bag folder or .mcap file that is cut short.')],
     output: Annotated[
-        Path | None, typer.Option('--output', '-o', help='Default: beside it, _repaired.')
+        Path | None,
+        typer.Option('--output', '-o', help='New bag; default: BAG_repaired.'),
     ] = None,
 ) -> None:
-    """Get back all finished chunks of a bag whose writer was killed."""
+    """Copy all finished chunks of an incomplete bag to a new one."""
     from tractor_io.bags.repair import repair_bag
 
     with _progress(f'repairing {bag.name}') as progress:
@@ -446,14 +440,14 @@ def repair(
 def cut(
     bag: Bag,
     output: Annotated[Path, typer.Option('--output', '-o', help='Folder of the new bag.')],
-    start: Annotated[float, typer.Option(help='From when on, s after the first message.')] = 0.0,
-    end: Annotated[float | None, typer.Option(help='Until when, s; default: to the end.')] = None,
+    start: Annotated[float, typer.Option(help='Start, s after the first message.')] = 0.0,
+    end: Annotated[float | None, typer.Option(help='End, likewise; default: all.')] = None,
     topics: Annotated[
         list[str] | None,
-        typer.Option('--topic', help='Topic to take, may be repeated; default: all.'),
+        typer.Option('--topic', help='Topic to copy, may be repeated; default: all.'),
     ] = None,
 ) -> None:
-    """Copy a part of a bag into a new one."""
+    """Copy a part of a bag to a new one."""
     from tractor_io.bags.repair import cut_bag
 
     counts = cut_bag(bag, output, start, end, topics or ())
@@ -463,16 +457,16 @@ def cut(
 
 @bag_app.command('import-csv')
 def import_csv(
-    file: Annotated[Path, typer.Argument(help='CSV file, its first line the column names.')],
+    file: Annotated[Path, typer.Argument(help='CSV file with column names in its first line.')],
     csv_map: Annotated[
         str,
         typer.Option(
-            '--map', help='YAML map of the columns, or one shipped: import_t7165s, import_rover.'
+            '--map', help='YAML map of the columns, or a shipped one: import_t7165s, import_rover.'
         ),
     ],
     output: Annotated[Path, typer.Option('--output', '-o', help='Folder of the new bag.')],
 ) -> None:
-    """Turn a CSV file into a bag, in SI units."""
+    """Convert a CSV file to a bag in SI units."""
     from tractor_io.bags.csv_import import find_map
     from tractor_io.bags.csv_import import import_csv as run_import
 
@@ -487,12 +481,12 @@ def import_csv(
 
 
 def main() -> int:
-    """Run the command; what is wrong with its input is one line and exit status 2.
+    """Run the command; invalid input gives one line and exit status 2.
 
     Returns
     -------
     int
-        Exit status, where the command line itself was in order.
+        Exit status.
     """
     try:
         app()

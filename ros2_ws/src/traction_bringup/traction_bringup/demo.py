@@ -1,4 +1,4 @@
-"""The demo: a tractor drives onto a soft patch, without control and with it."""
+"""Demo: a tractor drives onto a soft patch, without and with slip control."""
 
 from collections.abc import Mapping
 from datetime import datetime
@@ -21,7 +21,7 @@ from traction_node.transport import keep_local
 from tractor_io.can.interface import free_port
 
 SETTLE = 2.0
-"""Time after the rear axle is on the soft patch from which slip is judged, s."""
+"""Start of the evaluation of slip after the rear axle reaches the soft patch, s."""
 
 TITLES = ('without control', 'with slip control')
 
@@ -29,16 +29,16 @@ TITLES = ('without control', 'with slip control')
 def demo(
     folder: Path, duration: float, console: Console, can: str = ''
 ) -> tuple[DriveFigures, DriveFigures]:
-    """Drive twice, compare, and leave bags and a picture behind.
+    """Run two drives and compare them; write bags and a picture.
 
     Parameters
     ----------
     folder : Path
-        Where to put them: a folder of this drive's own is made inside.
+        Folder for the results; each demo has a new folder inside.
     duration : float
         Length of each drive, s, above 0.
     console : Console
-        Where to show progress and figures.
+        Console for progress and figures.
     can : str
         CAN interface between tractor and suite, see `traction_bringup.system.system`; empty for
         topics.
@@ -51,9 +51,9 @@ def demo(
     Raises
     ------
     NodeEndedError
-        If a node ends that should not.
+        If a node ends unexpectedly.
     ValueError
-        If `duration` is too short to get onto the soft patch.
+        If `duration` is too short to reach the soft patch.
     """
     keep_local()
     drive = read_parameters(config('traction_bringup', 'drive_cycle.yaml'))['drive_cycle']
@@ -62,7 +62,7 @@ def demo(
 
     changes: dict[str, dict[str, Any]] = {'drive_cycle': {'duration': duration}}
     if can:
-        # Of our own, so that no other bus on this machine is heard.
+        # An unused port, separate from other buses on this machine.
         port = free_port()
         changes |= {
             name: {'interface': can, 'port': port} for name in ('can_bridge', 'tractor_ecu')
@@ -122,13 +122,13 @@ def _drive(
                     task, completed=stamp - began[0], state=f'{x:5.1f} m at {v:4.2f} m/s'
                 )
 
-            # A machine that is too slow for real time should still get to the end.
+            # Longer than real time, for slow machines.
             running.run_until_end_of('drive_cycle', 4 * duration + 30, tick)
             progress.update(task, completed=duration)
 
 
 def _table(recordings: list[Recording], figures: list[DriveFigures], target: float) -> Table:
-    """Put the figures of both drives side by side."""
+    """Table with the figures of both drives."""
     table = Table(
         title=f'On the soft patch, slip from {SETTLE:g} s after entry', title_style='bold'
     )

@@ -1,4 +1,4 @@
-"""A simulated tractor on a CAN bus, for a bridge and a suite that are started elsewhere."""
+"""Simulated tractor on a CAN bus, for a suite started separately."""
 
 import contextlib
 import signal
@@ -11,7 +11,7 @@ from traction_node.running_system import RunningSystem
 from tractor_io.can.interface import DEFAULT_PORT, find_interface
 
 CHECK_PERIOD = 0.2
-"""Time between two looks whether all nodes run, s."""
+"""Period of the check of running nodes, s."""
 
 
 def ecu(
@@ -22,18 +22,18 @@ def ecu(
     Parameters
     ----------
     can, channel, port
-        Of the bus, as `tractor_io.can.interface.open_bus` takes them; no port: its default.
+        As for `tractor_io.can.interface.open_bus`; no port: its default.
     parameter_file : Path or str
-        As `traction_bringup.system.system` takes it.
+        As for `traction_bringup.system.system`.
     console : Console
-        Where to say what runs.
+        Console for messages.
 
     Raises
     ------
     BusError
-        If the interface is not known.
+        If the interface is unknown.
     NodeEndedError
-        If a node ends by itself.
+        If a node ends unexpectedly.
     """
     find_interface(can)
     bus = {

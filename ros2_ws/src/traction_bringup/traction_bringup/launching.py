@@ -6,19 +6,19 @@ from traction_bringup.system import system
 
 
 def actions(*, namespace: str = '', **choices):
-    """Turn the system's nodes into launch actions.
+    """Nodes of the system as launch actions.
 
     Parameters
     ----------
     namespace : str
         Namespace of all nodes.
     **choices
-        As `traction_bringup.system.system` takes them.
+        As for `traction_bringup.system.system`.
 
     Returns
     -------
     list of launch_ros.actions.Node
-        One a node, in the order of start.
+        One per node, in the order of start.
     """
     return [
         Node(

@@ -1,7 +1,7 @@
 """Parameter files in `config/` and parameter tables in READMEs, from the tables of the nodes.
 
-`make docs` runs this. A value that ships is the default of its table; those that differ stand
-in `FILES`, with the reason.
+`make docs` runs this module. Shipped values are the defaults of the tables. `FILES` has the other
+values, with reasons.
 """
 
 import importlib
@@ -27,7 +27,7 @@ PACKAGES = (
 
 @dataclass(frozen=True)
 class ParameterFile:
-    """Parameter file that a package ships.
+    """Shipped parameter file of a package.
 
     Attributes
     ----------
@@ -36,9 +36,9 @@ class ParameterFile:
     heading : str
         Purpose of the file, and why its values differ from the defaults.
     values : mapping of str to mapping
-        By the name of the node, values that differ from the defaults.
+        Values by name of node that differ from the defaults.
     complete : bool
-        Write every parameter of the nodes, not only those that differ.
+        True to write every parameter of the nodes, not only those with other values.
     """
 
     package: str
@@ -48,7 +48,7 @@ class ParameterFile:
     complete: bool = True
 
 
-# Of both ends; the kind of bus is given at launch.
+# Parameters of both ends; the launch file sets the kind of bus.
 _BUS = {
     'gear_ratio': 50.0,
     'efficiency': 1.0,
@@ -59,10 +59,10 @@ FILES = (
     ParameterFile(
         'torque_gate',
         'torque_gate.yaml',
-        'Parameters of torque_gate. Limits of torque and rate are those of the vehicle '
-        'tractor_4wd; the defaults are one limit for every wheel of any vehicle. A slip '
-        'controller needs about the whole torque in 0.2 s. timeout, release_time and 10 ms of '
-        'watchdog are at most 0.2 s, of which 30 ms are left for the way to the wheels.',
+        'Parameters of torque_gate. Limits of torque and rate are for the vehicle tractor_4wd. '
+        'The defaults have one limit for all wheels. Slip control needs a rate of about the whole '
+        'torque in 0.2 s. timeout, release_time and 10 ms of watchdog must be at most 0.2 s; here '
+        '30 ms of it are left for the path to the wheels.',
         {
             'torque_gate': {
                 'min_torque': [-1500.0, -1500.0, -4000.0, -4000.0],
@@ -74,11 +74,11 @@ FILES = (
     ParameterFile(
         'traction_controller',
         'slip_controller.yaml',
-        'Parameters of slip_controller. hold_torque and torque_rate are those of the vehicle '
-        'tractor_4wd, as max_torque and max_rate of its torque_gate; the defaults are one limit '
-        'for every wheel of any vehicle. Law lqi: lower weight_slip or raise weight_torque for a '
-        'quicker and rougher regulator. The defaults bear 50 ms of delay in the loop; with half '
-        'the weight_slip, 30 ms make the front wheels hunt.',
+        'Parameters of slip_controller. hold_torque and torque_rate are for the vehicle '
+        'tractor_4wd, equal to max_torque and max_rate of its torque_gate; the defaults have one '
+        'limit for all wheels. Law lqi: a lower weight_slip or a higher weight_torque makes the '
+        'regulator faster, with larger changes of torque. The loop with the defaults is stable '
+        'with 50 ms of delay; with half the weight_slip the front wheels oscillate at 30 ms.',
         {
             'slip_controller': {
                 'hold_torque': [3000.0, 3000.0, 8000.0, 8000.0],
@@ -89,17 +89,17 @@ FILES = (
     ParameterFile(
         'traction_controller',
         'slip_estimator.yaml',
-        'Parameters of slip_estimator. noise_… is how far the model is trusted. Raise '
-        'noise_acceleration where draft changes quickly, and noise_nominal where the nominal soil '
-        'is only a guess. Lower noise_gross_traction and noise_slip where the wheels obey the '
-        'contact model well and the radar is poor.',
+        'Parameters of slip_estimator. noise_… are the process and measurement noise of the '
+        'filter. Raise noise_acceleration if draft changes fast, and noise_nominal if the nominal '
+        'soil is uncertain. Lower noise_gross_traction and noise_slip if the contact model is '
+        'accurate for the wheels and the radar is not.',
         {'slip_estimator': {}},
     ),
     ParameterFile(
         'traction_model',
         'plant.yaml',
-        'Parameters of plant_node for the drive of the demo: a draft of 12 kN at rest, sandy '
-        'loam, a soft patch from 15 m on, an engine of 75 kW.',
+        'Parameters of plant_node for the demo: a draft of 12 kN at rest, sandy loam, a soft '
+        'patch from 15 m on, an engine of 75 kW.',
         {
             'plant_node': {
                 'soils': ['sandy_loam_chrono', 'soft_patch_chrono'],
@@ -114,20 +114,19 @@ FILES = (
     ParameterFile(
         'traction_bringup',
         'drive_cycle.yaml',
-        'Parameters of drive_cycle for the drive of the demo: full throttle of a tractor, more '
-        'than a soft patch can bear.',
+        'Parameters of drive_cycle for the demo: full throttle of a tractor, above the traction '
+        'of the soft patch.',
         {'drive_cycle': {'torque': [2400.0, 2400.0, 8000.0, 8000.0]}},
     ),
     ParameterFile(
         'tractor_io',
         'can_bus.yaml',
-        'One engine on the bus of the vehicle tractor_4wd: parameters of both ends of the bus, '
-        'which have to agree, and of a controller that has one torque for all wheels at the 50 Hz '
-        'of HRW. front_share is as the wheels share torque at equal slip on soft soil. Where a '
-        'steady speed stays within a step of HRW, it tells the same for tenths of a second: hence '
-        'stuck_time. The gain table of the law lpv is for 100 Hz: hence lqi. The implement has a '
-        'draft that grows with speed, the engine can spin all wheels at once, and its full '
-        'throttle, divided as the drivetrain does, is more than the soft patch can bear.',
+        'Vehicle tractor_4wd with one engine on a CAN bus: parameters of both ends of the bus, '
+        'which must be equal, and of a controller with one torque for all wheels at the 50 Hz of '
+        'HRW. front_share is the ratio of torques at equal slip on soft soil. A steady speed '
+        'within a step of HRW has the same value for tenths of a second, hence stuck_time. The '
+        'gain table of the law lpv is for 100 Hz, hence lqi. Draft grows with speed. Full '
+        'throttle of the engine, divided by the drivetrain, is above the traction of the soft patch.',
         {
             'can_bridge': _BUS,
             'tractor_ecu': _BUS,
@@ -149,11 +148,11 @@ FILES = (
         complete=False,
     ),
 )
-"""Parameter files that ship."""
+"""Shipped parameter files."""
 
 
 def behaviours() -> dict[str, tuple[str, type[Behaviour]]]:
-    """Package and behaviour of every node of the suite, by the name of the node."""
+    """Package and behaviour of every node of the suite, by name of node."""
     found: dict[str, tuple[str, type[Behaviour]]] = {}
     for package in PACKAGES:
         path = importlib.import_module(package).__path__
@@ -197,7 +196,7 @@ def config_text(file: ParameterFile) -> str:
 
 
 def documents(sources: Path) -> Iterator[tuple[Path, str]]:
-    """Every generated file, and what it should hold.
+    """Generated files with their text.
 
     Parameters
     ----------
@@ -212,7 +211,7 @@ def documents(sources: Path) -> Iterator[tuple[Path, str]]:
     Raises
     ------
     ValueError
-        If a value is not allowed, or a README has no place for a table.
+        If a value is not allowed, or a README lacks the comments around a table.
     """
     for file in FILES:
         yield sources / file.package / 'config' / file.name, config_text(file)
@@ -226,7 +225,7 @@ def documents(sources: Path) -> Iterator[tuple[Path, str]]:
 
 
 def main() -> None:
-    """Write all of them below the folder that is given."""
+    """Write all files below a folder."""
     for path, text in documents(Path(sys.argv[1])):
         if path.read_text(encoding='utf-8') != text:
             path.write_text(text, encoding='utf-8')

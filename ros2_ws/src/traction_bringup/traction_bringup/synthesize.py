@@ -1,4 +1,4 @@
-"""Synthesis of gain tables from the command line, and their check."""
+"""Synthesis and check of gain tables, for the command line."""
 
 import time
 from pathlib import Path
@@ -25,7 +25,7 @@ from traction_model.vehicle.vehicle import load_vehicle
 def synthesize_table(
     vehicle: str, output: Path, console: Console, settings: dict[str, Any]
 ) -> None:
-    """Make a gain table for a vehicle, and write it if its certificate stands every check.
+    """Compute a gain table for a vehicle; write it if its certificate passes every check.
 
     Parameters
     ----------
@@ -34,9 +34,9 @@ def synthesize_table(
     output : Path
         YAML file to write.
     console : Console
-        Where to tell.
+        Console for messages.
     settings : dict
-        Entries of `LoopDesign` in place of their defaults, SI units.
+        Values for `LoopDesign` that override its defaults, SI units.
 
     Raises
     ------
@@ -70,14 +70,14 @@ def synthesize_table(
 
 
 def check_table(path: Path, console: Console) -> None:
-    """Check a gain table on its grid and on the denser one, and show what it promises.
+    """Check a gain table on its grid and a denser one, and print its guarantee.
 
     Parameters
     ----------
     path : Path
         YAML file.
     console : Console
-        Where to tell.
+        Console for messages.
 
     Raises
     ------

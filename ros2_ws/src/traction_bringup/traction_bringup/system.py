@@ -1,4 +1,4 @@
-"""The one description of the suite as a system, for launch files and for the runner."""
+"""Description of the suite as a system of nodes, for launch files and the runner."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -19,37 +19,36 @@ def system(
     parameter_file: Path | str = '',
     parameters: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> list[NodeSpec]:
-    """Describe the suite's nodes in the order in which to start them.
+    """Nodes of the suite, in the order of their start.
 
     Parameters
     ----------
     simulated : bool
-        With plant and drive cycle in place of tractor and autonomy.
+        True: plant and drive cycle in place of tractor and autonomy.
     controlled : bool
-        With the slip controller; without, the drive cycle commands the gate directly.
+        True: with the slip controller. False: the drive cycle commands the gate directly.
     bag : Path or str
-        Folder to record all topics into; empty for none.
+        Folder for a recording of all topics; empty for none.
     can : str
         CAN interface between the vehicle and the suite, of `tractor_io.can.interface.INTERFACES`;
         empty for topics. A simulated tractor then has one engine.
     autostart : bool
-        Lifecycle nodes configure and activate by themselves.
+        True: lifecycle nodes configure and activate at their start.
     parameter_file : Path or str
-        YAML file with parameters of one's own vehicle, for any of the nodes; overrules the
-        files that come with the packages. Empty for none.
+        YAML file with the user's parameters, for any of the nodes; it overrides the shipped
+        files. Empty for none.
     parameters : mapping of str to mapping, optional
-        Parameters by node name that differ from the files.
+        Parameters by name of node that override the files.
 
     Returns
     -------
     list of NodeSpec
-        The nodes; the drive cycle comes last, when all others can listen.
+        The nodes; the drive cycle is last, when all others receive.
 
     Raises
     ------
     ValueError
-        If `parameters` names a node that is not part of the system, or `parameter_file` is
-        not there.
+        If `parameters` names an unknown node, or `parameter_file` does not exist.
     """
 
     own = (Path(parameter_file),) if parameter_file else ()
@@ -57,7 +56,7 @@ def system(
         raise ValueError(f'{parameter_file}: no such parameter file')
 
     bus = (config('tractor_io', 'can_bus.yaml'),) if can else ()
-    # In between plant and bus, so that all else hears frames only.
+    # Topics between plant and bus are remapped, so that other nodes receive only frames.
     behind = {name: f'tractor/{name}' for name in ('wheel_states', 'radar', 'wheel_torque')}
 
     def lifecycle(package: str, name: str) -> NodeSpec:
@@ -107,7 +106,7 @@ def system(
                 'drive_cycle',
                 'drive_cycle',
                 (config('traction_bringup', 'drive_cycle.yaml'), *bus, *own),
-                # Who acts on the request, the engine on the bus, and the recorder.
+                # Receivers of the request: gate or controller, engine on the bus, recorder.
                 {'listeners': 1 + bool(can) + bool(bag)},
                 direct,
             )
@@ -123,7 +122,7 @@ def system(
 
 
 TRACTOR = ('plant_node', 'tractor_ecu', 'drive_cycle')
-"""Nodes of a simulated tractor behind a bus."""
+"""Nodes of a simulated tractor on a bus."""
 
 
 def tractor(
@@ -132,30 +131,30 @@ def tractor(
     parameter_file: Path | str = '',
     parameters: Mapping[str, Mapping[str, Any]] | None = None,
 ) -> list[NodeSpec]:
-    """Describe a simulated tractor behind a CAN bus, with its driver, for a suite elsewhere.
+    """Nodes of a simulated tractor on a CAN bus, with driver, for a suite started separately.
 
     Parameters
     ----------
     can : str
         CAN interface, of `tractor_io.can.interface.INTERFACES`.
     parameter_file, parameters
-        As `system` takes them.
+        As for `system`.
 
     Returns
     -------
     list of NodeSpec
-        The nodes; the drive cycle, which is the driver's foot, comes last.
+        The nodes; the drive cycle is last.
 
     Raises
     ------
     ValueError
-        As `system` does.
+        As `system`.
     """
     nodes = system(
         simulated=True, can=can, parameter_file=parameter_file, parameters=parameters
     )  # fmt: skip
     *others, driver = (node for node in nodes if node.name in TRACTOR)
-    # The driver takes his time from the tractor, and waits for no suite.
+    # The driver uses the time of the tractor and does not wait for the suite.
     alone = {**driver.parameters, 'listeners': 1}
     behind = {**driver.remappings, 'wheel_states': 'tractor/wheel_states'}
     return [*others, replace(driver, parameters=alone, remappings=behind)]

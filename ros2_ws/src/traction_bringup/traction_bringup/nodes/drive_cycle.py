@@ -1,4 +1,4 @@
-"""The node `drive_cycle`: a driver who opens the throttle, in place of autonomy."""
+"""Node `drive_cycle`: simulated driver with a torque ramp, in place of autonomy."""
 
 import copy
 from types import SimpleNamespace
@@ -11,10 +11,10 @@ from traction_node.stamp import Stamp, between
 
 
 class DriveCycleBehaviour(Behaviour):
-    """Asks for torque that rises to a constant, once for every reading of the wheels.
+    """Torque request that rises to a constant, published for every reading of the wheels.
 
-    Its time is that of the stamps of `wheel_states`, so it drives alike at any speed of
-    simulation. Without a controller, remap `torque_request` to `wheel_torque_command`.
+    Its time is that of the stamps of `wheel_states`, so the drive does not depend on the speed of
+    the simulation. Without a controller, remap `torque_request` to `wheel_torque_command`.
     """
 
     NAME = 'drive_cycle'
@@ -22,26 +22,26 @@ class DriveCycleBehaviour(Behaviour):
         NodeParameter(
             'wheel_names',
             default=['fl', 'fr', 'rl', 'rr'],
-            description='the wheels',
+            description='names of the wheels',
             read_only=True,
         ),
         NodeParameter(
             'torque',
             default=[1000.0],
-            description='torque of every wheel, or one for all',
+            description='torque of each wheel, or one for all',
             unit='N·m',
         ),
         NodeParameter(
             'ramp',
             default=3.0,
-            description='time over which torque rises from zero',
+            description='time of the rise of torque from zero',
             unit='s',
             minimum=0.0,
         ),
         NodeParameter(
             'listeners',
             default=1,
-            description='subscribers of torque_request to wait for',
+            description='number of subscribers of torque_request to wait for',
             minimum=0,
             maximum=10,
             read_only=True,
@@ -56,7 +56,7 @@ class DriveCycleBehaviour(Behaviour):
         NodeParameter(
             'slip_target',
             default=0.2,
-            description='published once as slip_target',
+            description='slip target, published once',
             minimum=0.01,
             maximum=0.9,
             read_only=True,
@@ -64,7 +64,7 @@ class DriveCycleBehaviour(Behaviour):
     )
 
     def check_parameters(self, p: SimpleNamespace) -> None:
-        """Refuse torques that do not fit the wheels."""
+        """Check that torques suit the wheels."""
         if len(p.torque) not in (1, len(p.wheel_names)):
             raise ValueError(
                 f'{len(p.wheel_names)} wheels need as many entries of torque or one for all, '
@@ -72,7 +72,7 @@ class DriveCycleBehaviour(Behaviour):
             )
 
     def configure(self) -> None:
-        """Publish the target and wait for the wheels to speak."""
+        """Publish the target and wait for wheel states."""
         self._begin: Stamp | None = None
         self._request_publisher = self.host.publisher('torque_request')
         self._request = self.host.message('torque_request')
@@ -95,7 +95,7 @@ class DriveCycleBehaviour(Behaviour):
                     f'waiting for {p.listeners} subscribers of torque_request, has {there}',
                 )
                 return
-            # A copy: the message may be reused.
+            # Copied, since the message may be reused.
             begin = self._begin = copy.copy(stamp)
             self.host.set_diagnostic(diagnostic.OK, 'driving')
         elapsed = max(0.0, between(begin, stamp))
