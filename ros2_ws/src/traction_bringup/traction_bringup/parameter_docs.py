@@ -126,7 +126,8 @@ FILES = (
         'HRW. front_share is the ratio of torques at equal slip on soft soil. A steady speed '
         'within a step of HRW has the same value for tenths of a second, hence stuck_time. The '
         'gain table of the law lpv is for 100 Hz, hence lqi. Draft grows with speed. Full '
-        'throttle of the engine, divided by the drivetrain, is above the traction of the soft patch.',
+        'throttle of the engine, divided by the drivetrain, is above the traction of the soft '
+        'patch.',
         {
             'can_bridge': _BUS,
             'tractor_ecu': _BUS,
