@@ -17,10 +17,10 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from traction_bringup import command
-from traction_evaluation.drives.picture import DPI, Spread, draw_sweep
+from traction_evaluation.drives.picture import DPI, FigureDistribution, draw_sweep
 from traction_evaluation.sweeps import sweep
 from traction_evaluation.sweeps.sweep import SweepResult, rank_correlations, run_sweep
-from traction_evaluation.sweeps.sweep_report import spreads
+from traction_evaluation.sweeps.sweep_report import distributions
 from traction_model.simulation.sweep import FIGURES, read_sweep, simulate_draws
 from traction_node.parameter_file import config
 
@@ -283,9 +283,9 @@ def test_a_draw_without_a_figure_does_not_count_for_it():
 
 
 def test_pictures_have_the_size_of_their_columns_and_bars(on_two_cores, tmp_path):
-    draw_sweep(spreads(on_two_cores[1]), 'quick', tmp_path / 'two.png')
+    draw_sweep(distributions(on_two_cores[1]), 'quick', tmp_path / 'two.png')
     values = np.array([np.nan, np.nan])
-    many = [Spread('slip', values, {f'parameter {k}': 0.1 * k for k in range(7)})]
+    many = [FigureDistribution('slip', values, {f'parameter {k}': 0.1 * k for k in range(7)})]
     draw_sweep(many, 'none', tmp_path / 'seven.png')
     with Image.open(tmp_path / 'two.png') as two, Image.open(tmp_path / 'seven.png') as seven:
         # Three columns of 4.2 in against one; five bars of 0.32 in more.

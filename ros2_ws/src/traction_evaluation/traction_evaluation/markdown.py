@@ -1,4 +1,4 @@
-"""Markdown of the reports: tables, targets, and templates to fill in."""
+"""Markdown of the reports: tables, targets and templates."""
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -7,12 +7,12 @@ from typing import NamedTuple
 
 
 class Target(NamedTuple):
-    """A target of a report, and what was found.
+    """Target of a report with its result.
 
     Attributes
     ----------
     text : str
-        What is asked for.
+        Description of the target.
     found, limit : str
         Measured value and limit, with units.
     met : bool
@@ -31,14 +31,14 @@ def table(headings: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     Parameters
     ----------
     headings : iterable of str
-        One a column.
+        One per column.
     rows : iterable of iterable of str
         Cells of every row.
 
     Returns
     -------
     str
-        Without a line break at the end.
+        Table without a line break at the end.
     """
     columns = list(headings)
     lines = ['| ' + ' | '.join(columns) + ' |', '|---' * len(columns) + '|']
@@ -46,7 +46,7 @@ def table(headings: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
 
 
 def target_table(targets: Iterable[Target]) -> str:
-    """Markdown table of targets, those missed in bold.
+    """Markdown table of targets; missed ones are bold.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def target_table(targets: Iterable[Target]) -> str:
     Returns
     -------
     str
-        As of `table`.
+        As for `table`.
     """
     return table(
         ('target', 'found', 'limit', ''),
@@ -68,14 +68,14 @@ def target_table(targets: Iterable[Target]) -> str:
 
 
 def fill(template: Path, **values: object) -> str:
-    """Text of a template, filled in.
+    """Text of a template with its values.
 
     Parameters
     ----------
     template : Path
-        File with ``$name`` where a value goes.
+        File with ``$name`` in place of values.
     **values : object
-        By name.
+        Values by name.
 
     Returns
     -------
@@ -91,19 +91,19 @@ def fill(template: Path, **values: object) -> str:
 
 
 def section(path: Path, heading: str) -> str:
-    """Text of a section of a report that was written before.
+    """Text of a section of an earlier report.
 
     Parameters
     ----------
     path : Path
         Markdown file.
     heading : str
-        The section's heading line, ``## `` included.
+        Heading line of the section, with ``## ``.
 
     Returns
     -------
     str
-        Without heading, up to the next heading of its level; empty where there is none.
+        Text without heading, up to the next heading of its level; empty if there is none.
     """
     if not path.is_file():
         return ''
@@ -122,7 +122,7 @@ def said(targets: Sequence[Target]) -> Iterable[str]:
     Returns
     -------
     iterable of str
-        One line a target.
+        One line per target.
     """
     for each in targets:
         word = 'met   ' if each.met else 'MISSED'

@@ -281,8 +281,8 @@ class RollingRadius:
                 total = self.scale_variance[j] + variance
             self._above[j] = 0
             # Huber function: limits the influence of outliers.
-            spread = self._HUBER * math.sqrt(total)
-            off = min(max(off, -spread), spread)
+            limit = self._HUBER * math.sqrt(total)
+            off = min(max(off, -limit), limit)
             gain = self.scale_variance[j] / total
             self.scale[j] += gain * off
             # Slip is common to all measurements, so it does not average out.

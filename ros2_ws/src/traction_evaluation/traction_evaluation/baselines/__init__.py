@@ -1,1 +1,1 @@
-"""Baselines: control laws that the shipped ones are compared with."""
+"""Baselines: control laws for comparison with the shipped ones."""

@@ -1,4 +1,4 @@
-"""Laws of the evaluation by name: those of the node, and the baselines they are compared with."""
+"""Laws of the evaluation by name: laws of the node, and baselines."""
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
@@ -11,7 +11,7 @@ from traction_evaluation.baselines.sliding_mode import SlidingModeLaw
 BASELINES: Mapping[str, Callable[..., SlipLaw]] = MappingProxyType(
     {'scheduled_pi': ScheduledPiLaw, 'sliding_mode': SlidingModeLaw}
 )
-"""Classes of the laws that only the evaluation has, by name."""
+"""Classes of the baselines, by name."""
 
 ALL_LAWS: Mapping[str, Callable[..., SlipLaw]] = MappingProxyType({**LAWS, **BASELINES})
-"""Classes of all laws, by name: for the argument `laws` of slip control."""
+"""Classes of all laws by name, for the argument `laws` of slip control."""

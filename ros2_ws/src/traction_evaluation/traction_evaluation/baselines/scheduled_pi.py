@@ -1,4 +1,4 @@
-"""PI law whose gains follow speed and soil: the SIMC rules at the operating point of each step.
+"""PI law with scheduled gains: the SIMC rules at the operating point of each step.
 
 Law and rules are those of `traction_controller.control.laws.pi`.
 """
@@ -9,7 +9,7 @@ from traction_model.vehicle.wheel import Wheel
 
 
 class ScheduledPiLaw(PiLaw):
-    """PI controller of slip, its gains by the SIMC rules at the present speed and stiffness.
+    """PI controller of slip with gains by the SIMC rules at the present speed and stiffness.
 
     Parameters
     ----------
@@ -29,11 +29,11 @@ class ScheduledPiLaw(PiLaw):
     Raises
     ------
     ValueError
-        Naming the argument that is out of range.
+        If an argument is out of range.
     """
 
-    # From walking pace to road speed, from soil that has all but failed to hard ground: where
-    # the gain schedule of the LQI regulator is computed.
+    # From walking pace to road speed, from soil near failure to hard ground, as in the gain
+    # schedule of the LQI regulator.
     _RIM_SPEEDS = (0.3, 12.0)
     _STIFFNESSES = (0.2, 50.0)
 
@@ -54,7 +54,7 @@ class ScheduledPiLaw(PiLaw):
         self._load = load
 
     def torque(self, state: WheelState, target: float, sent: float, dt: float) -> float:
-        """Find the torque of one step, see `SlipLaw.torque`."""
+        """Compute the torque of one step, see `SlipLaw.torque`."""
         slowest, fastest = self._RIM_SPEEDS
         softest, stiffest = self._STIFFNESSES
         proportional, integral = self.tuned(

@@ -1,15 +1,15 @@
 """Sliding mode: equivalent torque from the estimated gross traction, and a boundary layer.
 
-The surface is the slip error ``s = slip - target``. On it slip does not change: with the vehicle's
-own acceleration small against that of the wheel, torque must balance the soil,
-``T_eq = r*F + b_f*omega``, F the estimated gross traction. Off it the torque is reduced or raised
-by the reach eta, in proportion within the boundary layer phi (J.-J. E. Slotine and W. Li, Applied
-Nonlinear Control, 1991, chapter 7):
+The sliding surface is zero slip error, ``s = slip - target``. On it slip is constant. The
+acceleration of the vehicle is small against that of the wheel, so the equivalent torque balances
+the soil: ``T_eq = r*F + b_f*omega``, with F the estimated gross traction. Off the surface the
+reach eta is added or subtracted, in proportion to s within the boundary layer phi (J.-J. E.
+Slotine and W. Li, Applied Nonlinear Control, 1991, chapter 7):
 
     T = T_eq - eta*sat(s/phi)
 
-As the gross traction follows the torque that was really delivered, the law can neither wind up
-nor be left with an error of slip: on a steady surface T_eq is the torque itself.
+Gross traction follows the delivered torque. So the law has no windup and no steady-state error: in
+steady motion on the surface T_eq equals the torque.
 """
 
 from traction_controller.control.laws.law import (
@@ -32,17 +32,17 @@ class SlidingModeLaw(SlipLaw):
     load : float
         Its static load, N, above 0.
     slip : float
-        Slip that it is made for; without effect, dimensionless.
+        Slip at the operating point; without effect, dimensionless.
     lag : float
         Time constant from commanded to shaft torque, s; without effect.
     dt : float
         Nominal sampling period, s; without effect.
     reach : float
-        eta as a share of the static load times radius, dimensionless, above 0.
+        eta over static load times radius, dimensionless, above 0.
     boundary_layer : float
-        phi, slip error at which the reach is used to the full, above 0.
+        phi, slip error with the full reach, above 0.
     takeover_time : float
-        Time constant with which the torque of another law gives way to this one's, s, above 0.
+        Time constant of the bumpless transfer from another law, s, above 0.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class SlidingModeLaw(SlipLaw):
     Raises
     ------
     ValueError
-        Naming the argument that is out of range.
+        If an argument is out of range.
     """
 
     velocity_form = False
@@ -75,11 +75,11 @@ class SlidingModeLaw(SlipLaw):
         self._takeover = Takeover(takeover_time)
 
     def reset(self) -> None:
-        """Forget the past: the next step takes over whatever torque was sent."""
+        """Reset: the next step starts from the torque sent."""
         self._takeover.reset()
 
     def torque(self, state: WheelState, target: float, sent: float, dt: float) -> float:
-        """Find the torque of one step, see `SlipLaw.torque`."""
+        """Compute the torque of one step, see `SlipLaw.torque`."""
         error = (target - state.slip) / self._layer
         inside = -1.0 < error < 1.0
         self.gains = (self._reach / self._layer if inside else 0.0, 0.0, 0.0)

@@ -1,4 +1,4 @@
-"""What a drive was worth: slip against target, energy per metre, rates, latency."""
+"""Figures of a drive: slip against target, energy per metre, rates, latency."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from traction_evaluation.drives.recording import Array, Recording
 
 @dataclass(frozen=True)
 class DriveFigures:
-    """Figures of one drive, over the time on the soil that it is judged on.
+    """Figures of one drive, over a part of its path.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class DriveFigures:
 
 
 def work(recording: Recording) -> tuple[Array, Array]:
-    """Work that all shafts have done.
+    """Work of all shafts.
 
     Parameters
     ----------
@@ -58,28 +58,28 @@ def work(recording: Recording) -> tuple[Array, Array]:
 
 
 def judge(recording: Recording, slip_target: float, start: float, settle: float) -> DriveFigures:
-    """Judge a drive from a place along the path on.
+    """Figures of a drive from a position along the path on.
 
     Parameters
     ----------
     recording : Recording
         A drive, with ground truth.
     slip_target : float
-        Slip that should not be exceeded, dimensionless.
+        Slip target, dimensionless.
     start : float
-        Where the soil to be judged on begins, m along the path.
+        Start of the evaluated part, m along the path.
     settle : float
-        Time after which slip is judged, s after the vehicle got there.
+        Time after the start of this part from which slip is evaluated, s.
 
     Returns
     -------
     DriveFigures
-        Its figures, SI units.
+        Figures, SI units.
 
     Raises
     ------
     ValueError
-        If the vehicle did not stay there for longer than `settle`.
+        If the part is not longer than `settle`.
     """
     distance = recording['distance']
     there = np.flatnonzero(distance.values >= start)
@@ -108,9 +108,9 @@ def judge(recording: Recording, slip_target: float, start: float, settle: float)
 
 
 def latency(recording: Recording) -> Array:
-    """Time from each reading of the wheels to the torque that answers it.
+    """Time from each reading of the wheels to its torque.
 
-    An answer carries the stamp of the reading. Both times are the recorder's.
+    The torque has the stamp of the reading. Both times are those of the recorder.
 
     Parameters
     ----------
@@ -120,11 +120,11 @@ def latency(recording: Recording) -> Array:
     Returns
     -------
     ndarray, shape (k,)
-        s, one a reading that was answered.
+        Latencies, s, one per reading with a torque.
     """
     readings, answers = recording['wheel_speed'], recording['torque']
     # Stamps are equal to the nanosecond, so this is a join, not an interpolation. The gate may
-    # repeat itself under one stamp; the first answer counts.
+    # repeat a torque with the same stamp; the first one counts.
     asked = dict(zip(readings.t.tolist(), readings.logged.tolist(), strict=True))
     answered: dict[float, float] = {}
     for t, logged in zip(answers.t.tolist(), answers.logged.tolist(), strict=True):

@@ -1,4 +1,4 @@
-"""Pictures: slip, speeds and torques of recorded drives; spread and sensitivity of sweeps."""
+"""Pictures: slip, speeds and torques of recorded drives; figures and correlations of sweeps."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ DPI = 110
 """Dots per inch of all pictures."""
 
 MAX_BARS = 12
-"""Most quantities that the sensitivity of a sweep is shown for, the strongest first."""
+"""Largest number of correlations shown for a sweep, the strongest first."""
 
 
 def draw(
@@ -34,20 +34,20 @@ def draw(
     slip_target: float | None = None,
     soft_from: float | None = None,
 ) -> None:
-    """Draw drives side by side into a PNG.
+    """Draw drives side by side as a PNG.
 
     Parameters
     ----------
     recordings : sequence of Recording
-        The drives, each a column.
+        Drives, one per column.
     titles : sequence of str
         Their titles.
     path : Path or str
         File to write.
     slip_target : float, optional
-        Target, dimensionless; by default that of each recording, where it has one.
+        Target, dimensionless; default: target of each recording, if any.
     soft_from : float, optional
-        Where soft soil begins, m along the path: shaded from when the rear axle gets there.
+        Start of soft soil, m along the path; shaded from the time when the rear axle reaches it.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def _lines(
     label: str = '',
     width: float = 1.2,
 ) -> None:
-    """One line a wheel; left and right of an axle look alike but for the dashes."""
+    """One line per wheel; wheels of an axle share a colour, the right one is dashed."""
     if series.values.shape[1:] != (len(names),):
         # Not measured.
         return
@@ -111,7 +111,7 @@ def _draw_slip(axis: Axes, recording: Recording, target: float | None) -> None:
         if kind in recording:
             series = recording[kind]
             if kind == 'slip' and 'slip_valid' in recording:
-                # Slip means nothing at standstill: leave it out.
+                # Slip is undefined at standstill.
                 shown = np.where(recording['slip_valid'].values > 0, series.values, np.nan)
                 series = Series(series.t, shown, series.logged)
             _lines(axis, series, recording.wheel_names)
@@ -132,7 +132,7 @@ def _draw_speed(axis: Axes, recording: Recording) -> None:
                 axis.plot(series.t, series.values, 'k-', lw=2.0, label=label)
             else:
                 axis.plot(series.t, series.values, ':', color=_ESTIMATE, lw=1.4, label=label)
-    # A spinning wheel must not squeeze the speeds that matter into a line.
+    # The axis does not include the rim speed of spinning wheels.
     over_ground = [kind for kind in ('speed', 'speed_estimate', 'radar') if kind in recording]
     if over_ground:
         top = 3.0 * max(float(np.nanmax(recording[kind].values)) for kind in over_ground)
@@ -158,17 +158,17 @@ def _shade(axis: Axes, recording: Recording, soft_from: float | None, end: float
 
 
 @dataclass(frozen=True)
-class Spread:
-    """One figure over all draws of a sweep, and what it depends on.
+class FigureDistribution:
+    """Figure over all draws of a sweep, with correlations.
 
     Attributes
     ----------
     label : str
-        What it is, with its unit.
+        Name with unit.
     values : ndarray, shape (k,)
-        In that unit; NaN where a draw has none.
+        Values in that unit; NaN if a draw has none.
     correlations : dict of str to float
-        Rank correlation with what varied, -1 to 1, by name; NaN where it is not defined.
+        Rank correlation with each varied quantity, -1 to 1, by name; NaN if undefined.
     """
 
     label: str
@@ -176,13 +176,13 @@ class Spread:
     correlations: Mapping[str, float]
 
 
-def draw_sweep(spreads: Sequence[Spread], title: str, path: Path | str) -> None:
-    """Draw histograms of a sweep's figures and what they depend on into a PNG.
+def draw_sweep(distributions: Sequence[FigureDistribution], title: str, path: Path | str) -> None:
+    """Draw histograms and correlations of the figures of a sweep as a PNG.
 
     Parameters
     ----------
-    spreads : sequence of Spread
-        The figures, each a column.
+    distributions : sequence of FigureDistribution
+        Figures, one per column.
     title : str
         Title of the whole.
     path : Path or str
@@ -194,25 +194,29 @@ def draw_sweep(spreads: Sequence[Spread], title: str, path: Path | str) -> None:
         If the file cannot be written.
     """
     strength = {
-        name: max(np.nan_to_num(abs(spread.correlations[name])) for spread in spreads)
-        for name in spreads[0].correlations
+        name: max(
+            np.nan_to_num(abs(distribution.correlations[name])) for distribution in distributions
+        )
+        for name in distributions[0].correlations
     }
-    # The strongest on top.
+    # The strongest at the top.
     names = sorted(strength, key=strength.__getitem__)[-MAX_BARS:]
     bars = 0.9 + 0.32 * max(1, len(names))
-    figure = Figure(figsize=(2.4 + 4.2 * len(spreads), 3.9 + bars), layout='constrained')
+    figure = Figure(figsize=(2.4 + 4.2 * len(distributions), 3.9 + bars), layout='constrained')
     figure.suptitle(title, fontsize=12, fontweight='bold')
-    axes = figure.subplots(2, len(spreads), squeeze=False, sharey='row', height_ratios=[3.4, bars])
-    for (above, below), spread in zip(axes.T, spreads, strict=True):
-        _draw_histogram(above, spread)
-        _draw_tornado(below, spread, names)
+    axes = figure.subplots(
+        2, len(distributions), squeeze=False, sharey='row', height_ratios=[3.4, bars]
+    )
+    for (above, below), distribution in zip(axes.T, distributions, strict=True):
+        _draw_histogram(above, distribution)
+        _draw_tornado(below, distribution, names)
     axes[0, 0].set_ylabel('draws')
     figure.savefig(path, dpi=DPI)
 
 
-def _draw_histogram(axis: Axes, spread: Spread) -> None:
-    values = spread.values[np.isfinite(spread.values)]
-    axis.set_xlabel(spread.label)
+def _draw_histogram(axis: Axes, distribution: FigureDistribution) -> None:
+    values = distribution.values[np.isfinite(distribution.values)]
+    axis.set_xlabel(distribution.label)
     axis.grid(alpha=0.25)
     if not values.size:
         axis.text(0.5, 0.5, 'not defined in any draw', transform=axis.transAxes, ha='center')
@@ -228,7 +232,7 @@ def _draw_histogram(axis: Axes, spread: Spread) -> None:
     axis.margins(y=0.3)
 
 
-def _draw_tornado(axis: Axes, spread: Spread, names: Sequence[str]) -> None:
+def _draw_tornado(axis: Axes, distribution: FigureDistribution, names: Sequence[str]) -> None:
     axis.set_xlim(-1.25, 1.25)
     axis.set_xticks([-1.0, -0.5, 0.0, 0.5, 1.0])
     axis.axvline(0.0, color=_TARGET, lw=0.8)
@@ -238,7 +242,7 @@ def _draw_tornado(axis: Axes, spread: Spread, names: Sequence[str]) -> None:
         axis.set_yticks([])
         axis.text(0.5, 0.5, 'no numbers varied', transform=axis.transAxes, ha='center')
     for row, name in enumerate(names):
-        rho = spread.correlations[name]
+        rho = distribution.correlations[name]
         if np.isfinite(rho):
             axis.barh(row, rho, color=_COLOURS[0] if rho > 0 else _COLOURS[1])
             side = 1 if rho >= 0 else -1

@@ -1,4 +1,4 @@
-"""A recorded drive as arrays: what evaluation and pictures start from."""
+"""Recorded drive as arrays, for evaluation and pictures."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -17,16 +17,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Series:
-    """One quantity over time.
+    """Quantity over time.
 
     Attributes
     ----------
     t : ndarray, shape (k,)
-        Time of the stamps, s after the start of the recording's drive.
+        Time of the stamps, s after the start of the drive.
     values : ndarray, shape (k,) or (k, n)
-        The quantity, SI units.
+        Values, SI units.
     logged : ndarray, shape (k,)
-        Time at which the recorder logged it, s, on the recorder's clock.
+        Log time, s, on the recorder's clock.
     """
 
     t: Array
@@ -34,7 +34,7 @@ class Series:
     logged: Array
 
     def at(self, t: Array) -> Array:
-        """Sample the series at other times.
+        """Values at other times, by linear interpolation.
 
         Parameters
         ----------
@@ -44,14 +44,14 @@ class Series:
         Returns
         -------
         ndarray, shape (m,) or (m, n)
-            The values, SI units, linear in between.
+            Values, SI units.
         """
         columns = self.values.reshape(len(self.t), -1).T
         sampled = np.stack([np.interp(t, self.t, column) for column in columns], axis=-1)
         return np.asarray(sampled[:, 0] if self.values.ndim == 1 else sampled)
 
 
-# Quantities: name, topic, and how to take them from a message.
+# Quantities: name, topic, and function to read them from a message.
 _QUANTITIES: tuple[tuple[str, str, Callable[[Any], Any]], ...] = (
     ('wheel_speed', 'wheel_states', lambda m: m.velocity),
     ('shaft_torque', 'wheel_states', lambda m: m.effort),
@@ -71,7 +71,7 @@ _QUANTITIES: tuple[tuple[str, str, Callable[[Any], Any]], ...] = (
 
 @dataclass(frozen=True)
 class Recording:
-    """A recorded drive.
+    """Recorded drive.
 
     Attributes
     ----------
@@ -80,12 +80,12 @@ class Recording:
     wheel_names : tuple of str
         The wheels, in the order of all columns.
     series : dict of str to Series
-        The quantities that the bag holds: ``wheel_speed`` rad/s, ``shaft_torque``,
+        Quantities in the bag: ``wheel_speed`` rad/s, ``shaft_torque``,
         ``torque_request``, ``torque_command`` and ``torque`` N·m, ``radar``, ``speed``,
         ``speed_estimate`` and ``rim_speed`` m/s, ``slip`` and ``slip_estimate``
         (dimensionless), ``distance`` m.
     slip_target : float or None
-        Target, dimensionless, where the bag holds one.
+        Target, dimensionless; None if the bag has none.
     """
 
     path: Path
@@ -103,19 +103,19 @@ class Recording:
 
     @property
     def end(self) -> float:
-        """Time of the last torque asked for, or of the last reading of the wheels, s."""
+        """Time of the last torque request, or of the last reading of the wheels, s."""
         asked = [name for name in ('torque_request', 'torque_command') if name in self]
         return float(self[asked[0] if asked else 'wheel_speed'].t[-1])
 
     def rate(self, name: str) -> float:
-        """Mean rate at which a quantity was recorded, Hz."""
+        """Mean rate of a quantity, Hz."""
         logged = self[name].logged
         span = float(logged[-1] - logged[0])
         return (len(logged) - 1) / span if span > 0 else 0.0
 
 
 def vehicle_prefix(bag: BagReader) -> str:
-    """Find what stands before the topics of the vehicle that a bag was recorded of.
+    """Namespace of the vehicle's topics in a bag, with slashes.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def vehicle_prefix(bag: BagReader) -> str:
     Returns
     -------
     str
-        ``/``, or ``/tractor1/`` where that is the namespace.
+        ``/``, or such as ``/tractor1/``.
 
     Raises
     ------
@@ -141,14 +141,14 @@ def vehicle_prefix(bag: BagReader) -> str:
 
 
 def vehicle_and_soil(bag: BagReader, vehicle: str = '', soil: str = '') -> tuple[str, str]:
-    """Find what vehicle a bag is of, and on what soil it starts.
+    """Vehicle of a bag, and soil at its start.
 
     Parameters
     ----------
     bag : BagReader
         An open bag.
     vehicle, soil : str
-        Names or paths of definitions; empty for those that the bag names.
+        Names or paths of definitions; empty: from the bag.
 
     Returns
     -------
@@ -158,7 +158,7 @@ def vehicle_and_soil(bag: BagReader, vehicle: str = '', soil: str = '') -> tuple
     Raises
     ------
     BagError
-        If one is neither given nor named.
+        If one is neither given nor in the bag.
     """
     found = {}
     for what, given in (('vehicle', vehicle), ('soil', soil)):
@@ -169,7 +169,7 @@ def vehicle_and_soil(bag: BagReader, vehicle: str = '', soil: str = '') -> tuple
 
 
 def read_recording(path: Path | str) -> Recording:
-    """Read a bag of the suite.
+    """Read a bag as a recording.
 
     Parameters
     ----------
@@ -179,12 +179,12 @@ def read_recording(path: Path | str) -> Recording:
     Returns
     -------
     Recording
-        What it holds.
+        Quantities of the bag.
 
     Raises
     ------
     BagError
-        If it is no bag, or holds no `wheel_states`, or those of several vehicles.
+        If it is no bag, or has no `wheel_states`, or those of several vehicles.
     """
     with BagReader(path) as bag:
         prefix = vehicle_prefix(bag)
@@ -202,7 +202,7 @@ def read_recording(path: Path | str) -> Recording:
                 names = tuple(message.message.name)
             ns = nanoseconds(message.message.header.stamp)
             collected[topic].append((ns, message.time, message.message))
-    # The drive starts with the first torque asked for; a bag without such starts it.
+    # The drive starts with the first torque request, or else with the bag.
     begun = ('torque_request', 'wheel_torque_command', 'wheel_states')
     start = next((collected[topic][0][0] for topic in begun if collected[topic]), None)
     if start is None:

@@ -1,4 +1,4 @@
-"""Errors of the estimates of a bag, also with other radar readings than those it holds."""
+"""Errors of the estimates on a bag, also with modified radar readings."""
 
 import copy
 import math
@@ -17,16 +17,16 @@ from tractor_io.bags.reader import BagReader
 
 
 class OtherRadar:
-    """Radar readings put in place of those of a bag.
+    """Replacement of the radar readings of a bag.
 
     Parameters
     ----------
     path : Path or str
-        Bag, with ground truth where readings are made anew.
+        Bag; with ground truth if `seed` is given.
     gap : (float, float), optional
-        Time from which and to which the radar is silent, s after the start of the bag.
+        Start and end of a gap without readings, s after the start of the bag.
     seed : int, optional
-        Readings are ground truth and noise of this seed, of the variance that they state.
+        Seed for new readings: ground truth plus noise with the variance of the message.
 
     Raises
     ------
@@ -51,7 +51,7 @@ class OtherRadar:
                     self._true_speed[stamp] = message.message.ground_based_speed
 
     def __call__(self, message: Any) -> Any:
-        """Reading in place of one of the bag.
+        """Replacement of a reading.
 
         Parameters
         ----------
@@ -61,7 +61,7 @@ class OtherRadar:
         Returns
         -------
         object or None
-            The message to deliver; None for silence, and where there is no truth of its time.
+            Message to deliver; None in the gap, and without ground truth at its time.
         """
         stamp = nanoseconds(message.header.stamp)
         t = (stamp - self._start) * 1e-9
@@ -96,15 +96,15 @@ def replay_with_radar(
     path : Path or str
         Bag with `wheel_states` and `radar`, in any namespace.
     vehicle, soil : str
-        Empty for those the bag names.
+        Vehicle and nominal soil; empty: from the bag.
     method : {'ukf', 'ekf', 'scheduled_gain'}
-        Kalman filter; all else is as it ships.
+        Kalman filter; other parameters are as shipped.
     judge : Judge, optional
-        What of the estimates is compared with ground truth.
+        Comparison of the estimates with ground truth.
     radar_gap, radar_seed
-        As of `OtherRadar`.
+        As for `OtherRadar`.
     progress : callable, optional
-        Called with the share that is done, 0 to 1.
+        Called with the share done, 0 to 1.
 
     Returns
     -------
@@ -114,9 +114,9 @@ def replay_with_radar(
     Raises
     ------
     BagError
-        As of `replay` and `OtherRadar`.
+        As for `replay` and `OtherRadar`.
     ValueError
-        If vehicle, soil or method are not known.
+        If vehicle, soil or method are unknown.
     """
     return replay(
         path,
@@ -144,21 +144,21 @@ def estimate_errors(
     path : Path or str
         Bag with `wheel_states`, `radar` and `ground_truth/slip_estimate`, in any namespace.
     settle, until, min_speed : float
-        As of `Judge`; s, s and m/s.
+        As for `Judge`; s, s and m/s.
     **changes
-        As of `replay_with_radar`.
+        As for `replay_with_radar`.
 
     Returns
     -------
     EstimateErrors
-        SI units.
+        Errors, SI units.
 
     Raises
     ------
     BagError
-        If the bag cannot be read, lacks a topic, or names no vehicle and none is given.
+        If the bag cannot be read or lacks a topic, or the vehicle is neither given nor in it.
     ValueError
-        If vehicle, soil or method are not known.
+        If vehicle, soil or method are unknown.
     """
     with BagReader(path) as bag:
         prefix = vehicle_prefix(bag)

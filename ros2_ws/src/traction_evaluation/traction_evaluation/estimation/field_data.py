@@ -1,6 +1,6 @@
-"""Field data: what the controller's estimators make of runs that others have measured.
+"""Estimators on field data measured by others.
 
-Two runs, which may not be copied into the project:
+Two runs, whose data may not be copied into the project:
 
 - a four-wheel rover on paths, 10 Hz wheel speeds and satellite positions: WVU Navigation Lab,
   corenav-GP, test17run;
@@ -42,12 +42,12 @@ def columns(folder: Path, name: str) -> dict[str, np.ndarray]:
     Returns
     -------
     dict of str to ndarray
-        Its columns, numbers where they are.
+        Columns; numeric ones as numbers.
 
     Raises
     ------
     ValueError
-        If the file is not there.
+        If the file does not exist.
     """
     path = folder / name
     if not path.is_file():
@@ -62,7 +62,7 @@ def columns(folder: Path, name: str) -> dict[str, np.ndarray]:
 
 @dataclass(frozen=True)
 class RoverRun:
-    """How the rover's run was followed; k samples.
+    """Estimates over the run of the rover; k samples.
 
     Attributes
     ----------
@@ -71,17 +71,17 @@ class RoverRun:
     omega : ndarray, shape (k,)
         Mean wheel speed, rad/s.
     speed : ndarray, shape (k,)
-        Ground speed by satellite, m/s; NaN where not valid.
+        Ground speed by satellite, m/s; NaN if not valid.
     radius, deviation : ndarray, shape (k,)
-        Effective radius as calibrated so far, m, and its standard deviation, m.
-    believed : ndarray of bool, shape (k,)
-        Whether each position was taken in.
+        Present calibrated radius, m, and its standard deviation, m.
+    accepted : ndarray of bool, shape (k,)
+        True for accepted positions.
     rebased : int
-        How often the track went on from positions first refused.
+        Number of restarts of the track from rejected positions.
     odometry : PathOdometry
-        Driven by the wheels alone with the radius as calibrated so far.
+        Odometry from the wheels alone with the calibrated radius.
     rolled : float
-        What wheels of the radius at the start would have rolled, m.
+        Distance rolled by wheels with the initial radius, m.
     straight : float
         Distance from start to end by satellite, m.
     """
@@ -91,7 +91,7 @@ class RoverRun:
     speed: np.ndarray
     radius: np.ndarray
     deviation: np.ndarray
-    believed: np.ndarray
+    accepted: np.ndarray
     rebased: int
     odometry: PathOdometry
     rolled: float
@@ -101,16 +101,16 @@ class RoverRun:
 def follow_rover(
     folder: Path, start_radius: float, jumps: dict[int, np.ndarray] | None = None
 ) -> RoverRun:
-    """Follow the rover's run.
+    """Estimates over the run of the rover.
 
     Parameters
     ----------
     folder : Path
         Folder of the field data.
     start_radius : float
-        Radius that the calibration starts from, m.
+        Initial radius of the calibration, m.
     jumps : dict of int to ndarray, optional
-        By how much some positions are shifted, m: row to east, north, up.
+        Shifts of positions, m: from index to east, north, up.
 
     Returns
     -------
@@ -129,7 +129,7 @@ def follow_rover(
     radius = RollingRadius([start_radius])
     odometry = PathOdometry()
     angle = rolled = before = 0.0
-    speeds, radii, deviations, believed = [], [], [], []
+    speeds, radii, deviations, accepted = [], [], [], []
     for k, now in enumerate(t):
         if k:
             dt = now - t[k - 1]
@@ -139,8 +139,8 @@ def follow_rover(
             odometry.advance(dt, v, 0.02**2, scale_deviation=deviation)
             rolled += start_radius * omega[k] * dt
         track.wheels(now, radius.radius[0] * omega[k])
-        believed.append(track.fix(now, places[k]))
-        # It pulls nothing: what thrust there is, is for acceleration and slope.
+        accepted.append(track.fix(now, places[k]))
+        # The rover has no drawbar pull: traction is for acceleration and slope only.
         effort = abs(omega[k] - before) * start_radius / 0.1 / 9.81
         before = omega[k]
         distance = track.distance if track.valid else math.nan
@@ -149,42 +149,42 @@ def follow_rover(
         radii.append(radius.radius[0])
         deviations.append(radius.nominal[0] * math.sqrt(radius.scale_variance[0]))
     return RoverRun(
-        t, omega, np.array(speeds), np.array(radii), np.array(deviations), np.array(believed),
+        t, omega, np.array(speeds), np.array(radii), np.array(deviations), np.array(accepted),
         track.rebased, odometry, rolled, straight,
     )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class RoverFigures:
-    """What came of the rover's run, from one start of the radius.
+    """Figures of the run of the rover, for one initial radius.
 
     Attributes
     ----------
     start_radius : float
-        Where the calibration started, m.
+        Initial radius, m.
     found : float
-        Time from which on the radius stayed within 1 % of `ROVER_RADIUS`, s.
+        Time after which the radius stayed within 1 % of `ROVER_RADIUS`, s.
     radius : float
         Radius after 40 s, m.
     deviation : float
-        Standard deviation that went with it, m.
+        Its standard deviation, m.
     slip_bias : float
-        Mean slip from `found` on until it stops, dimensionless: of free rolling.
+        Mean slip from `found` on until it stops, in free rolling, dimensionless.
     late_slip_bias : float
-        The same from 40 s on, which is 13 s of driving.
+        The same from 40 s on (13 s of driving).
     refused : int
-        Positions refused of the track as measured: those after its own missing samples.
+        Rejected positions of the measured track, after missing samples.
     samples : int
-        Positions in it.
+        Number of positions.
     rebased : int
-        How often the track went on from them.
+        Number of restarts of the track from rejected positions.
     odometry_error : float
-        Distance by wheels with the calibrated radius, against the straight line between start
-        and end by satellite, as a share of that.
+        Error of the distance by wheels with the calibrated radius, relative to the straight line
+        from start to end by satellite.
     odometry_deviation : float
-        Standard deviation that the odometry gives of it, as a share.
+        Standard deviation of this distance from the odometry, relative.
     uncompensated_error : float
-        The same by the radius at the start.
+        The same error with the initial radius.
     """
 
     start_radius: float
@@ -202,14 +202,14 @@ class RoverFigures:
 
 
 def rover(folder: Path, start_radius: float = 0.94 * ROVER_RADIUS) -> RoverFigures:
-    """Judge the rover's run.
+    """Figures of the run of the rover.
 
     Parameters
     ----------
     folder : Path
         Folder of the field data.
     start_radius : float
-        Radius that the calibration starts from, m; by default 6 % wrong.
+        Initial radius of the calibration, m; default: 6 % too small.
 
     Returns
     -------
@@ -219,7 +219,7 @@ def rover(folder: Path, start_radius: float = 0.94 * ROVER_RADIUS) -> RoverFigur
     run = follow_rover(folder, start_radius)
     wrong = np.flatnonzero(np.abs(run.radius / ROVER_RADIUS - 1) > 0.01)
     found = run.t[wrong[-1] + 1] if wrong[-1] + 1 < len(run.t) else math.inf
-    # By satellite it stands at 53 s; the last samples of wheels and speed do not belong together.
+    # By satellite it stands at 53 s; times of the last samples of wheels and speed do not match.
     driving = (run.t < 52.5) & np.isfinite(run.speed)
 
     def bias(since: float) -> float:
@@ -234,7 +234,7 @@ def rover(folder: Path, start_radius: float = 0.94 * ROVER_RADIUS) -> RoverFigur
         deviation=float(run.deviation[after]),
         slip_bias=bias(found),
         late_slip_bias=bias(40.0),
-        refused=int(np.sum(~run.believed)),
+        refused=int(np.sum(~run.accepted)),
         samples=len(run.t),
         rebased=run.rebased,
         odometry_error=run.odometry.distance / run.straight - 1,
@@ -245,18 +245,18 @@ def rover(folder: Path, start_radius: float = 0.94 * ROVER_RADIUS) -> RoverFigur
 
 @dataclass(frozen=True)
 class JumpFigures:
-    """What came of jumps put into the rover's track.
+    """Figures of jumps inserted into the track of the rover.
 
     Attributes
     ----------
     jumps : int
-        Jumps of 0.3 m put in.
+        Inserted jumps of 0.3 m.
     refused : int
-        Of these, refused.
+        Rejected ones of these.
     falsely_refused : int
-        Other positions refused, without those refused of the track as measured.
+        Other rejected positions, without those rejected in the measured track.
     speed_error : float
-        Root mean square of what they did to the speed, m/s.
+        Root mean square of their effect on the speed, m/s.
     """
 
     jumps: int
@@ -266,30 +266,30 @@ class JumpFigures:
 
 
 def rover_jumps(folder: Path, seed: int = 1, count: int = 100, lasting: int = 1) -> JumpFigures:
-    """Put jumps of 0.3 m into the rover's track while it drives.
+    """Insert jumps of 0.3 m into the track of the rover while it drives.
 
     Parameters
     ----------
     folder : Path
         Folder of the field data.
     seed : int
-        Of their times and directions.
+        Seed of their times and directions.
     count : int
         Number of jumps.
     lasting : int
-        For how many positions each stays; the last one of a jump's own.
+        Number of positions that each jump shifts.
 
     Returns
     -------
     JumpFigures
-        Counted over all positions shifted.
+        Figures over all shifted positions.
     """
     random = np.random.default_rng(seed)
     clean = follow_rover(folder, ROVER_NOMINAL)
-    # Between the first second and the last of driving.
+    # Between the first and the last second of driving.
     rows = np.flatnonzero((clean.t > 6.0) & (clean.t < 52.5 - 0.1 * lasting))
     jumps = {}
-    # Jumps that stay do not overlap.
+    # Lasting jumps do not overlap.
     for row in random.choice(rows[::lasting], count, replace=False):
         angle = random.uniform(0, math.tau)
         for k in range(row, row + lasting):
@@ -300,43 +300,42 @@ def rover_jumps(folder: Path, seed: int = 1, count: int = 100, lasting: int = 1)
     valid = np.isfinite(spoilt.speed) & np.isfinite(clean.speed)
     return JumpFigures(
         jumps=count,
-        refused=int(np.sum(~spoilt.believed & shifted)),
-        falsely_refused=int(np.sum(~spoilt.believed & ~shifted & clean.believed)),
+        refused=int(np.sum(~spoilt.accepted & shifted)),
+        falsely_refused=int(np.sum(~spoilt.accepted & ~shifted & clean.accepted)),
         speed_error=float(np.sqrt(np.mean((spoilt.speed - clean.speed)[valid] ** 2))),
     )
 
 
-# Of the tractor, engine torque as a share of its reference stands for pull. Satellite speed and
-# wheel speed come once a second, so that they belong together to half a second only.
+# Engine torque over reference torque replaces traction. Satellite and wheel speed have a period of
+# one second, so their times match within half a second only.
 TRACTOR_GROUND = FirmGround(largest_effort=0.35, stretch=3.0, distance=0.1, timing=0.5)
 
 
 @dataclass(frozen=True)
 class TractorFigures:
-    """What came of the tractor's day, from one start of the radius.
+    """Figures of the day of the tractor, for one initial radius.
 
     Attributes
     ----------
     start_scale : float
-        Where the calibration started: of the wheel-based speed as sent by the tractor,
-        dimensionless.
+        Initial radius, over that in the wheel-based speed of the tractor, dimensionless.
     scale : float
-        What it found, dimensionless.
+        Calibrated scale, dimensionless.
     deviation : float
-        Standard deviation that went with it, dimensionless.
+        Its standard deviation, dimensionless.
     calibrated : float
-        Time at which it was known to 1 %, s.
+        Time at which its standard deviation was below 1 %, s.
     measured, refused : int
-        Measurements taken in, and refused.
+        Numbers of used and rejected measurements.
     pulling : float
-        Share of the samples of state W above the least speed, in which it was frozen as
-        pulling.
+        Share of samples of state W above the smallest speed in which the calibration paused
+        because of traction.
     slip : dict of str to float
         Median slip by state M, T and W, dimensionless, after calibration.
     slip_by_torque : tuple of float
         Median slip, dimensionless, in fifths of the samples by rising engine torque.
     rank_correlation : float
-        Spearman's, of slip and engine torque.
+        Spearman's rank correlation of slip and engine torque.
     """
 
     start_scale: float
@@ -352,25 +351,24 @@ class TractorFigures:
 
 
 def tractor(folder: Path, start_scale: float = 0.94) -> TractorFigures:
-    """Judge the tractor's day.
+    """Figures of the day of the tractor.
 
     Parameters
     ----------
     folder : Path
         Folder of the field data.
     start_scale : float
-        Radius that the calibration starts from, over the one in the tractor's wheel-based
-        speed; by default 6 % too small.
+        Initial radius, over that in the wheel-based speed of the tractor; default: 6 % too small.
 
     Returns
     -------
     TractorFigures
-        SI units; slips are judged from when the radius was known to 1 %.
+        SI units; slips from the time at which the standard deviation of the radius is below 1 %.
     """
     table = columns(folder, 'tractor_t7165s.csv')
     t, state = table['t'], table['state']
     wheel, ground, torque = table['wheel_speed'], table['ground_speed'], table['engine_torque']
-    # As if the radius were 1 m, the wheel turns by its speed.
+    # With a radius of 1 m, angular speed equals wheel-based speed.
     calibration = RollingRadius([start_scale], TRACTOR_GROUND)
     scales, frozen = [], []
     calibrated = math.inf

@@ -28,7 +28,7 @@ SOFT_PATCH = ('wheel_soft_patch', 'tractor_soft_patch')
 RENOISED = range(100, 104)
 GAP = 5.0
 RADAR_EVERY = 20
-"""Samples from one radar reading of the bags to the next."""
+"""Samples between two radar readings of the bags."""
 
 # Targets.
 SLIP_RMSE = 0.01
@@ -46,19 +46,19 @@ ESTIMATION_STEP = 300e-6
 
 
 class BagErrors(NamedTuple):
-    """How far a method is off on one bag.
+    """Errors of a method on one bag.
 
     Attributes
     ----------
     rmse : float
-        Of slip over all wheels, with the bag's own noise of the radar.
+        RMSE of slip over all wheels, with the radar noise of the bag.
     worst_rmse : float
-        The largest of that and of those with other noise.
+        Largest RMSE over this and other seeds of the noise.
     within : tuple of float
-        Share of errors within two reported standard deviations over all noises and wheels, and
-        that of the wheel and noise with the fewest.
+        Share of errors within two reported standard deviations: over all seeds and wheels, and
+        the smallest of any wheel and seed.
     gap_costs : float
-        What a radar gap of `GAP` s adds to the RMSE in the gap and 2 s after it.
+        Increase of the RMSE by a radar gap of `GAP` s, in the gap and 2 s after it.
     """
 
     rmse: float
@@ -77,7 +77,7 @@ def bag_errors(bags: Path, name: str, method: str) -> BagErrors:
     name : str
         Bag.
     method : str
-        Kalman filter, as of the parameter `method`.
+        Kalman filter, as for the parameter `method`.
 
     Returns
     -------
@@ -90,7 +90,7 @@ def bag_errors(bags: Path, name: str, method: str) -> BagErrors:
     rmse = [run.total_slip_rmse for run in runs]
     within = np.array([run.within_two_sigma for run in runs])
     end = float(read_chrono(path / f'{name}.csv.xz', CHRONO_RUNS[name]).t[-1])
-    # In the middle: what came before is known, and there is time for it to come back.
+    # In the middle, with a settled estimate before and time to recover after.
     begin = (end - GAP) / 2
     window: dict[str, Any] = {'settle': begin, 'until': begin + GAP + 2.0, 'method': method}
     silent = estimate_errors(path, radar_gap=(begin, begin + GAP), **window)
@@ -106,7 +106,7 @@ def bag_errors(bags: Path, name: str, method: str) -> BagErrors:
 def soil_change(
     bags: Path, name: str, method: str, seed: int | None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Error of tau_max under the driven wheels after the last one came onto the patch.
+    """Error of tau_max under the driven wheels after the last one reached the patch.
 
     Parameters
     ----------
@@ -115,17 +115,17 @@ def soil_change(
     name : str
         Bag.
     method : str
-        Kalman filter, as of the parameter `method`.
+        Kalman filter, as for the parameter `method`.
     seed : int or None
-        Of other radar noise; None: the bag's own.
+        Seed of the radar noise; None: noise of the bag.
 
     Returns
     -------
     t : ndarray, shape (k,)
-        Time since then of every terrain estimate, s.
+        Time of every terrain estimate since then, s.
     error : ndarray, shape (k, n)
-        Estimated over true tau_max less 1, true being that of the patch under the static load
-        on the nominal contact area, as the estimate is defined.
+        Estimated over true tau_max less 1. The true one is that of the patch under static load on
+        the nominal contact area, as defined for the estimate.
     """
     run = CHRONO_RUNS[name]
     recording = read_chrono(bags / name / f'{name}.csv.xz', run)
@@ -139,7 +139,7 @@ def soil_change(
     terrain = replayed.values('terrain_estimate')
     t = np.array([nanoseconds(each.header.stamp) - replayed.start for each in terrain]) * 1e-9
     found = np.array([each.max_shear_stress for each in terrain])
-    # The hindmost wheel is the last to come there.
+    # The rear wheel reaches it last.
     entered = recording.x + vehicle.wheel_positions.min() >= run.starts[0]
     last = float(recording.t[np.argmax(entered)] - recording.t[0])
     return t - last, found / np.array(truth) - 1
@@ -155,21 +155,21 @@ def bags_section(
     bags : Path
         Folder of the bags.
     run : callable
-        Maps a function over arguments, as `Workers.map` does.
+        Maps a function over arguments, as `Workers.map`.
     quick : bool
-        True for the Kalman filter that ships alone.
+        True: only the shipped Kalman filter.
 
     Returns
     -------
     values : dict of str to str
-        What goes into the template.
+        Values for the template.
     targets : list of Target
-        Of the best Kalman filter.
+        Targets of the best Kalman filter.
 
     Raises
     ------
     ValueError
-        If a bag is not there.
+        If a bag does not exist.
     """
     for name in SEEDS:
         if not (bags / name).is_dir():
@@ -278,19 +278,19 @@ def field_section(folder: Path) -> tuple[str, list[Target]]:
     Parameters
     ----------
     folder : Path
-        Where they are, see `field_data`.
+        Folder of the field data, see `field_data`.
 
     Returns
     -------
     text : str
-        Without heading.
+        Text without heading.
     targets : list of Target
-        Of rover and tractor.
+        Targets of rover and tractor.
 
     Raises
     ------
     ValueError
-        If a file is not there.
+        If a file does not exist.
     """
     starts = [0.94 * field_data.ROVER_RADIUS, 1.06 * field_data.ROVER_RADIUS]
     rovers = [field_data.rover(folder, start) for start in starts]
@@ -389,7 +389,7 @@ def step_time_targets(control: float, estimation: float) -> list[Target]:
     Returns
     -------
     list of Target
-        Of four wheels.
+        Targets for four wheels.
     """
     return [
         Target(
@@ -406,14 +406,14 @@ def step_time_targets(control: float, estimation: float) -> list[Target]:
 
 
 def step_time(step: Callable[[], None], count: int = 3000) -> float:
-    """Median time of a step once everything is warm.
+    """Median time of a step after warm-up.
 
     Parameters
     ----------
     step : callable
         One step.
     count : int
-        Steps that are timed, at least 10.
+        Number of timed steps, at least 10.
 
     Returns
     -------

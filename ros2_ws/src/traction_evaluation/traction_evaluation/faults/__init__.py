@@ -1,1 +1,1 @@
-"""Faults put into the running suite, with the time until torque is safe."""
+"""Faults injected into the running suite, with the time until torque is safe."""

@@ -1,7 +1,7 @@
-"""Faults put into the running suite, and what it makes of them.
+"""Benches that inject faults into the running suite and measure the effects.
 
-A bench runs the suite as processes; what the nodes hear of each other passes through the bench,
-which spoils it. The faults are those of `fault_table`.
+A bench runs the suite as processes. Messages between the nodes pass through the bench, which can
+change them. `traction_evaluation.faults.table` has the faults.
 """
 
 import contextlib
@@ -36,48 +36,48 @@ RELAYED = {
     'radar': 'plant_node',
     'wheel_torque_command': 'slip_controller',
 }
-"""Topics that pass through the bench, and who publishes them."""
+"""Topics that pass through the bench, and their publishers."""
 
 DRIVING = 300.0
-"""Torque on a rear wheel from which on the tractor drives, N·m."""
+"""Torque of a rear wheel above which the tractor counts as driving, N·m."""
 
 SLIP_TARGET = 0.2
 
 SETTLED_BAND = 0.05
-"""Slip above its target up to which it counts as controlled, dimensionless."""
+"""Largest slip above target at which slip counts as controlled, dimensionless."""
 
 SETTLED_TIME = 0.5
-"""How long it has to be, before a fault, s."""
+"""Time of controlled slip required before a fault, s."""
 
 WALKING = 1.0
-"""Ground speed from which on a tractor is at speed, m/s."""
+"""Ground speed above which the tractor counts as at speed, m/s."""
 
 LOOK = 0.2
-"""How long torques are watched after a fault has been told of, s."""
+"""Time of observation of torques after the report of a fault, s."""
 
 PATIENCE = 15.0
-"""Longest wait for what must come, s: a new process has to load."""
+"""Longest wait for an expected event, s, with the start of a process."""
 
 Describe = Callable[..., list[NodeSpec]]
 
 BUS_RATE = 250_000 / 128
-"""Frames of eight bytes a second that fill a J1939 bus, 1/s: 250 kbit/s, some 128 bits each."""
+"""Rate of 8-byte frames that fill a J1939 bus, 1/s: 250 kbit/s, about 128 bits each."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a fault led to.
+    """Effect of a fault.
 
     Attributes
     ----------
     reaction : float
-        From the fault to the first output from which on all were safe, s.
+        Time from the fault to the first output after which all are safe, s.
     told : float
-        From the fault to the reason in `/diagnostics`, s.
+        Time from the fault to the reason in `/diagnostics`, s.
     message : str
-        That reason.
+        This reason.
     recovery : float
-        From the end of the fault to the tractor driving again, s.
+        Time from the end of the fault until the tractor drives again, s.
     """
 
     reaction: float
@@ -88,20 +88,20 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Row:
-    """One hazard.
+    """Row of the table of hazards.
 
     Attributes
     ----------
     part : str
-        Where it is.
+        Part of the system.
     hazard, detection, safe : str
-        What happens, who notices by what, and what is safe then.
+        Description of the fault, of its detection, and of the safe output.
     node, reason : str
-        Who says so in `/diagnostics`, and a part of what it says.
+        Node that reports it in `/diagnostics`, and a part of the message.
     inject, clear : callable
-        Begin and end the fault on a bench.
+        Start and end of the fault on a bench.
     is_safe : callable
-        Whether an output of the bench is safe.
+        True if an output of the bench is safe.
     limit : float
         Longest time from the fault to safe outputs, s.
     """
@@ -124,27 +124,27 @@ class Row:
 
     @property
     def at_speed(self) -> bool:
-        """Whether the tractor has to be at speed, with its slip settled, before the fault.
+        """True if the tractor must be at speed with settled slip before the fault.
 
-        Where slip is judged; and a tenth of a speed near standstill is no fault that shows.
+        Needed if slip is evaluated, and because a tenth of a small speed is not detectable.
         """
         return self.part == 'Tachometer' or 'true slip' in self.safe
 
 
 class _Bench:
-    """The suite as processes, driving; a context manager."""
+    """Driving suite as processes; a context manager."""
 
     def __init__(self, nodes: Sequence[NodeSpec]) -> None:
         self._nodes = {node.name: node for node in nodes}
         self._stack = contextlib.ExitStack()
-        # When each came, and whether it was safe.
+        # Time of each output, and whether it was safe.
         self.outputs: list[tuple[float, bool]] = []
         self._row: Row | None = None
         self.said: list[tuple[float, str, str]] = []
         self.request: list[float] = []
         self.true_slip = 0.0
         self._settled_from = math.inf
-        # Measured torques, the newest and those before, N·m.
+        # Newest and previous measured torques, N·m.
         self.shaft = [0.0]
         self.shaft_before = [0.0]
 
@@ -158,7 +158,7 @@ class _Bench:
         try:
             self.start(driver.name)
             self.await_driving()
-            # From here on all is recorded: everybody has found everybody.
+            # Recording is complete from here on: all publishers and subscribers are matched.
             self.torques.clear()
         except BaseException:
             self._stack.close()
@@ -167,7 +167,7 @@ class _Bench:
 
     def __exit__(self, *_: object) -> None:
         for process in self.system.processes.values():
-            # A frozen one could not end.
+            # A stopped process could not end.
             with contextlib.suppress(ProcessLookupError):
                 os.kill(process.pid, signal.SIGCONT)
         self._stack.close()
@@ -185,7 +185,7 @@ class _Bench:
             self.said.extend((now, status.name, status.message) for status in array.status)
 
         self.torque = [0.0]
-        # All that was heard, as it came.
+        # All received torques, in order.
         self.torques: list[Any] = []
         probe.subscribe('wheel_torque', torque)
         probe.subscribe('torque_request', lambda m: setattr(self, 'request', list(m.effort)))
@@ -197,7 +197,7 @@ class _Bench:
         self.shaft_before, self.shaft = self.shaft, list(message.effort) or [0.0]
 
     def _follow(self, truth: Any) -> None:
-        """Note since when the tractor is at speed and slip near its target."""
+        """Set the time since which the tractor is at speed with slip near its target."""
         self.true_slip = max(truth.slip)
         settled = (
             self.torque[-1] > DRIVING
@@ -208,14 +208,14 @@ class _Bench:
         self._settled_from = since if settled else math.inf
 
     def heard(self, name: str, values: list[float]) -> None:
-        """Judge an output as it comes."""
+        """Process an output."""
         if self._row is not None:
             self.outputs.append((time.monotonic(), self._row.is_safe(self, values)))
 
     # Processes
 
     def start(self, name: str) -> None:
-        """Start a node, anew where it has ended."""
+        """Start a node, or restart it if it has ended."""
         node = self._nodes[name]
         self.system.processes[name] = self._stack.enter_context(
             NodeProcess(
@@ -228,18 +228,18 @@ class _Bench:
         )
 
     def signal(self, name: str, number: int) -> None:
-        """Send a node's process a signal."""
+        """Send a signal to the process of a node."""
         os.kill(self.system.processes[name].pid, number)
 
     def restart(self, name: str) -> None:
-        """End a node as Ctrl-C does and start it anew at once."""
+        """End a node as Ctrl-C does and restart it at once."""
         self.signal(name, signal.SIGINT)
         self.start(name)
 
     # Faults
 
     def await_driving(self, settled: bool = False) -> None:
-        """Wait until the tractor drives and commands pass, and slip is settled if need be."""
+        """Wait until the tractor drives and commands pass; with `settled` also for slip."""
 
         def passing() -> bool:
             newest = [text for _, node, text in self.said if node == 'torque_gate'][-1:]
@@ -254,7 +254,7 @@ class _Bench:
         self.probe.wait_for(passing, PATIENCE, 'tractor that drives')
 
     def await_said(self, node: str, text: str) -> None:
-        """Wait until the newest that a node said begins to contain a text."""
+        """Wait until the newest diagnostic of a node contains a text."""
 
         def said() -> bool:
             newest = [said for _, name, said in self.said if name == node][-1:]
@@ -263,18 +263,18 @@ class _Bench:
         self.probe.wait_for(said, PATIENCE, f'"{text}" from {node}')
 
     def healthy(self) -> bool:
-        """Whether all is as it was before a fault, beside the torque."""
+        """True if the state is as before a fault, apart from the torque."""
         newest = {node: text for _, node, text in self.said}
         return newest.get('slip_estimator') == 'estimating'
 
     def measure(self, row: Row) -> Outcome:
-        """Put a fault in, watch, and take it out again.
+        """Inject a fault, observe, and remove it.
 
         Raises
         ------
         TimeoutError
-            If nobody tells of it, the tractor does not drive on afterwards, or outputs never
-            get safe.
+            If the fault is not reported, the tractor does not drive afterwards, or outputs do not
+            become safe.
         """
         self.await_driving(row.at_speed)
         self.outputs.clear()
@@ -311,14 +311,14 @@ class _Bench:
 
 
 class FaultBench(_Bench):
-    """The simulated tractor with topics; sensors and commands pass through this process.
+    """Bench with topics: sensors and commands of a simulated tractor pass through this process.
 
     Parameters
     ----------
     describe : callable
-        Describes the suite's nodes, as `traction_bringup.system.system` does.
+        Returns the nodes, as `traction_bringup.system.system`.
     bag : Path
-        Folder to record all topics into.
+        Folder for a recording of all topics.
     """
 
     def __init__(self, describe: Describe, bag: Path) -> None:
@@ -365,21 +365,21 @@ class FaultBench(_Bench):
         self._stop_client = self.probe.node.create_client(SetBool, 'torque_gate/emergency_stop')
 
     def stop_by_topic(self, stop: bool) -> None:
-        """Call or release the emergency stop by its topic."""
+        """Set or release the emergency stop by topic."""
         self._stop.publish(Bool(data=stop))
 
     def stop_by_service(self, stop: bool) -> None:
-        """Call or release the emergency stop by its service."""
+        """Set or release the emergency stop by service."""
         self._stop_client.call_async(SetBool.Request(data=stop))
 
 
 class BusBench(_Bench):
-    """The simulated tractor with a CAN bus between it and the suite.
+    """Bench with a CAN bus between a simulated tractor and the suite.
 
     Parameters
     ----------
     describe : callable
-        As of `FaultBench`.
+        As for `FaultBench`.
     """
 
     def __init__(self, describe: Describe) -> None:
@@ -409,12 +409,12 @@ class BusBench(_Bench):
         self.probe.node.create_timer(0.002, self._hear)
 
     def heard(self, name: str, values: list[float]) -> None:
-        """Keep the engine's limit, as it is what acts on the vehicle."""
+        """Ignore torques: the limit of the engine is the output of this bench."""
         if name == 'TSC1':
             super().heard(name, values)
 
     def healthy(self) -> bool:
-        """Whether the bridge hears all it should, too."""
+        """True if also the bridge receives all messages."""
         newest = {node: text for _, node, text in self.said}
         return super().healthy() and newest.get('can_bridge', '').startswith('limits')
 
@@ -426,11 +426,11 @@ class BusBench(_Bench):
                 group = self._groups.decode(message.arbitration_id, bytes(message.data))
                 if group is not None and group.name == 'TSC1':
                     limit = self._reader.read(group, bytes(message.data))
-                    # A limit that is taken back: as much as there is.
+                    # A released limit: no limit.
                     self.heard('TSC1', [math.inf if limit is None else limit])
 
     def pour(self, message: can.Message | None) -> None:
-        """Fill the bus with a frame, or no longer with None."""
+        """Fill the bus with copies of a frame; None ends this."""
         if self._pouring is not None:
             self.probe.node.destroy_timer(self._pouring)
             self._pouring = None
@@ -444,17 +444,17 @@ class BusBench(_Bench):
             self._pouring = self.probe.node.create_timer(period, pour)
 
     def garble(self, name: str) -> can.Message:
-        """One of our messages with too few bytes."""
+        """Known message with too few bytes."""
         return frame(self._groups.identifier(name).bits, b'\x00\x01\x02')
 
 
 def recorded(bench: FaultBench, bag: Path) -> tuple[int, int]:
-    """End the recorder, and look for all torques that the bench heard.
+    """End the recorder and compare its bag with the torques received by the bench.
 
     Returns
     -------
     int, int
-        How many of them are in the bag, and how many there are.
+        Number of received torques in the bag, and in all.
     """
     bench.system.processes['bag_recorder'].interrupt()
     with BagReader(bag) as reader:

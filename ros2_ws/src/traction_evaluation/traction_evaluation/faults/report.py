@@ -1,4 +1,4 @@
-"""Report on faults put into the running suite: docs/safety.md."""
+"""Report on faults injected into the running suite: docs/safety.md."""
 
 import tempfile
 from pathlib import Path
@@ -27,13 +27,13 @@ def _ms(seconds: float) -> str:
 
 
 def cells(row: Row, outcome: Outcome | None) -> tuple[str, ...]:
-    """A row as texts, with dashes where it failed.
+    """Cells of a row, with dashes if it failed.
 
     Parameters
     ----------
     row : Row
     outcome : Outcome or None
-        None where the fault was not told of, outputs were not safe or the tractor did not drive
+        None if the fault was not reported, outputs were not safe or the tractor did not drive
         again.
     """
     measured = ('**none**', '-', '-')
@@ -46,7 +46,7 @@ def cells(row: Row, outcome: Outcome | None) -> tuple[str, ...]:
 
 
 def measured(describe: Describe, console: Console) -> tuple[list[tuple[Row, Outcome | None]], str]:
-    """Measure every row, and what of it was recorded."""
+    """Measure every row, and the completeness of the recording."""
     found: list[tuple[Row, Outcome | None]] = []
 
     def measure(bench: FaultBench | BusBench, rows: tuple[Row, ...]) -> None:
@@ -76,14 +76,14 @@ def write_report(describe: Describe, docs: Path) -> int:
     Parameters
     ----------
     describe : callable
-        Describes the suite's nodes, as `traction_bringup.system.system` does.
+        Returns the nodes, as `traction_bringup.system.system`.
     docs : Path
         Folder of safety.md.
 
     Returns
     -------
     int
-        Exit status: 0, or 2 where a row is beyond its limit.
+        Exit status: 0, or 2 if a row is beyond its limit.
     """
     keep_local()
     console = Console()

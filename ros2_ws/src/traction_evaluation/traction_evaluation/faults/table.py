@@ -1,7 +1,6 @@
-"""The hazards: what happens, who notices by what, what is safe then, within which time.
+"""Table of hazards: fault, detection, safe output and time limit.
 
-The one table of them: `make faults` measures it and writes docs/safety.md, tests/test_faults.py
-tests every row.
+`make faults` measures all rows and writes docs/safety.md; tests/test_faults.py tests every row.
 """
 
 import itertools
@@ -34,7 +33,7 @@ def _within(bench: FaultBench, torques: Sequence[float]) -> bool:
 
 
 MAX_SLIP = SLIP_TARGET + 0.1
-"""True slip up to which a sensor fault counts as borne."""
+"""Largest true slip that is safe with a faulty sensor."""
 
 
 def _no_more(bench: FaultBench, torques: Sequence[float]) -> bool:
@@ -57,7 +56,7 @@ Fault = Callable[[Any], Iterable[Any]]
 def _fault(
     *topics: str, fault: Callable[[], Fault]
 ) -> tuple[Callable[[Any], None], Callable[[Any], None]]:
-    """Begin and end of a fault of all messages of topics."""
+    """Start and end of a fault in all messages of topics."""
 
     def inject(bench: FaultBench) -> None:
         for name in topics:
@@ -280,7 +279,7 @@ def _one_short(message: Any) -> None:
 
 
 def _by_gate(hazard: str, detection: str, fault: Callable[[], Fault]) -> Row:
-    """A fault of which the gate tells, as the estimator hears nothing at all."""
+    """Fault reported by the gate, as the estimator receives no messages."""
     return Row(
         'Tachometer', hazard, detection, NO_TORQUE, 'torque_gate', 'no good command',
         *_fault('wheel_states', fault=fault), _none,
@@ -334,9 +333,9 @@ ROWS = (
     *_STAMPS,
     *_STOPS,
 )
-"""Hazards of a `fault_bench.FaultBench`."""
+"""Hazards of a `FaultBench`."""
 
-# The bus
+# Bus
 
 
 def _no_engine(bench: BusBench, limit: Sequence[float]) -> bool:
@@ -372,4 +371,4 @@ BUS_ROWS = (
         'can_bridge', 'no wheel_torque', lambda b: b.signal('torque_gate', signal.SIGSTOP),
         lambda b: b.signal('torque_gate', signal.SIGCONT), _no_engine),
 )  # fmt: skip
-"""Hazards of a `fault_bench.BusBench`."""
+"""Hazards of a `BusBench`."""

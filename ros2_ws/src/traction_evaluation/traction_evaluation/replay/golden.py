@@ -1,8 +1,8 @@
-"""Golden files: what a replay gave once, to compare with what it gives now.
+"""Golden files: stored outputs of a replay, for comparison with later replays.
 
-A golden file is text that a person can read and `git diff`: of every topic the first message of
-each half second, field by field, as far as the field has changed. A bag that a replay wrote serves
-as well; it holds all messages.
+A golden file is readable text, suitable for `git diff`. For every topic it has the first message
+of each half second, with the fields that changed. A bag written by a replay can be used instead;
+it has all messages.
 """
 
 import json
@@ -20,17 +20,16 @@ from tractor_io.bags.message_types import typestore
 from tractor_io.bags.reader import BagReader
 
 WINDOW = 500_000_000
-"""Time of which a golden file holds one message of each topic, ns."""
+"""Period for which a golden file has one message of each topic, ns."""
 
 TOLERANCE = 1e-6
-"""Difference up to which numbers are the same, relative, or absolute below 1: machines differ in
-the last bits of what they compute."""
+"""Tolerance of equal numbers, relative, or absolute below 1: processors differ in last bits."""
 
 _HEADING = '# traction golden 1'
 
 
 class Sample(NamedTuple):
-    """A message as plain values.
+    """Message as plain values.
 
     Attributes
     ----------
@@ -48,16 +47,16 @@ class Sample(NamedTuple):
 
 
 class Divergence(NamedTuple):
-    """Where a topic of two replays first differs.
+    """First difference between two replays in a topic.
 
     Attributes
     ----------
     time : float
         Time since the start of the bag, s.
     topic, field : str
-        Topic, and path of the field; empty where a whole message is missing or new.
+        Topic, and path of the field; empty if a whole message is missing or new.
     expected, found : object
-        Values of the golden file and of now; None where there is no message.
+        Values in the golden file and in the replay; None if there is no message.
     """
 
     time: float
@@ -97,11 +96,11 @@ def samples(result: Replay) -> Iterator[Sample]:
 
 
 def thinned(all_samples: Iterable[Sample]) -> Iterator[Sample]:
-    """Of every topic the first of each half second."""
+    """First sample of each half second, for every topic."""
     seen: dict[str, int] = {}
     for sample in all_samples:
         window = sample.time // WINDOW
-        # Diagnostics come when they are new.
+        # Diagnostics are published at changes.
         if seen.get(sample.topic) != window or sample.topic == '/diagnostics':
             seen[sample.topic] = window
             yield sample
@@ -113,9 +112,9 @@ def write_golden(result: Replay, path: Path | str) -> None:
     Parameters
     ----------
     result : Replay
-        What is to be kept.
+        Replay to store.
     path : Path or str
-        File to write; one that exists is replaced.
+        File to write; an existing one is replaced.
     """
     lines = [_HEADING]
     last: dict[tuple[str, str], str] = {}
@@ -143,7 +142,7 @@ def read_golden(path: Path | str) -> Iterator[Sample]:
     Parameters
     ----------
     path : Path or str
-        As of `write_golden`.
+        As for `write_golden`.
 
     Yields
     ------
@@ -153,7 +152,7 @@ def read_golden(path: Path | str) -> Iterator[Sample]:
     Raises
     ------
     ValueError
-        Naming the line that cannot be read.
+        If a line cannot be read.
     """
     known: dict[str, dict[str, Any]] = {}
     current = None
@@ -184,22 +183,22 @@ def _bag_samples(path: Path) -> Iterator[Sample]:
 
 
 def compare(result: Replay, golden: Path | str, tolerance: float = TOLERANCE) -> list[Divergence]:
-    """Find where a replay first differs from a golden file or an earlier replay.
+    """First differences of a replay from a golden file or an earlier replay.
 
     Parameters
     ----------
     result : Replay
-        What is now.
+        Replay to compare.
     golden : Path or str
         Golden file, or bag of an earlier replay.
     tolerance : float
-        Relative, and absolute below 1, dimensionless; 0 for equal numbers. A golden file holds
-        nine digits.
+        Relative, and absolute below 1, dimensionless; 0: equal numbers. A golden file has nine
+        digits.
 
     Returns
     -------
     list of Divergence
-        The first of every topic, in order of time; empty where they are the same.
+        First difference of every topic, in order of time; empty if there are none.
 
     Raises
     ------

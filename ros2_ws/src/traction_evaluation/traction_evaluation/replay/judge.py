@@ -1,4 +1,4 @@
-"""Estimates against ground truth: what is judged, and how far they lie apart."""
+"""Comparison of estimates with ground truth."""
 
 import math
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from traction_node.joints import JointOrder
 
 @dataclass(frozen=True)
 class EstimateErrors:
-    """How far the estimates of a replay lie from ground truth, over judged samples only.
+    """Errors of the estimates of a replay against ground truth, over the compared samples.
 
     Attributes
     ----------
@@ -28,7 +28,7 @@ class EstimateErrors:
     speed_rmse : float
         Root mean square of the ground speed error, m/s.
     samples : int
-        Judged samples of every wheel.
+        Number of compared samples per wheel.
     """
 
     wheel_names: tuple[str, ...]
@@ -45,16 +45,16 @@ class EstimateErrors:
 
 
 class Judge:
-    """Collects estimates beside their truth.
+    """Collection of estimates with their ground truth.
 
     Parameters
     ----------
     settle : float
-        Samples before this time are not judged, s.
+        Samples before this time are left out, s.
     until : float
-        Nor are those after this time, s.
+        Samples after this time are left out, s.
     min_speed : float
-        Nor are those with a rim slower than this, m/s.
+        Samples with a slower rim are left out, m/s.
     """
 
     def __init__(self, settle: float = 2.0, until: float = math.inf, min_speed: float = 0.3):
@@ -74,14 +74,14 @@ class Judge:
         speed: float,
         truth: Any,
     ) -> None:
-        """Take an estimate.
+        """Add an estimate.
 
         Parameters
         ----------
         t : float
             Time since the start of the bag, s.
         wheel_names : sequence of str
-            The wheels, n of them, always the same.
+            Names of the n wheels, the same at every call.
         slip, variances : array_like, shape (n,)
             Estimated slip of each wheel and its variance, dimensionless.
         speed : float
@@ -92,7 +92,7 @@ class Judge:
         Raises
         ------
         JointError
-            If the truth does not tell of every wheel.
+            If the ground truth lacks a wheel.
         """
         settle, until = self._window
         self._order = self._order or JointOrder(wheel_names, 'ground truth')
@@ -105,7 +105,7 @@ class Judge:
             self._speed_errors.append(speed - truth.ground_based_speed)
 
     def errors(self, wheel_names: Sequence[str]) -> EstimateErrors | None:
-        """How far they lie apart; None where there was nothing to judge."""
+        """Errors over all samples; None without samples."""
         if not self._errors:
             return None
         error = np.array(self._errors)

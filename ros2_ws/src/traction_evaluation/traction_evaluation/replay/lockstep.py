@@ -1,7 +1,7 @@
 """Host of behaviours in lock step: no process, no clock, no middleware.
 
-The classes that `traction_node.run` makes ROS 2 nodes of run here on the time of whoever calls.
-The same messages in the same order give the same bytes.
+It runs the behaviours of `traction_node.run` on the time of the caller. The same messages in the
+same order give the same bytes.
 """
 
 import logging
@@ -31,16 +31,16 @@ _DTYPES: dict[str, np.dtype[Any]] = {
 
 
 class LockStep:
-    """Passes messages between behaviours, each to its end before the next.
+    """Message passing between behaviours; each message is handled completely before the next.
 
     Parameters
     ----------
     types : Typestore
-        Message types, as of `tractor_io.bags.message_types.typestore`.
+        Message types, from `tractor_io.bags.message_types.typestore`.
     record : callable
-        Called with topic (leading slash), type, time (ns) and CDR bytes of all that is published.
+        Called for each message with topic (leading slash), type, time (ns) and CDR bytes.
     start : int
-        Time to begin at, ns.
+        Start time, ns.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class LockStep:
         self._timers: list[list[Any]] = []
 
     def add(self, behaviour: type[Behaviour], overrides: Mapping[str, Any]) -> 'LockStepHost':
-        """Make, configure and activate a behaviour.
+        """Construct, configure and activate a behaviour.
 
         Parameters
         ----------
@@ -72,7 +72,7 @@ class LockStep:
         Raises
         ------
         ValueError
-            If a parameter, or a combination of them, is refused.
+            If a parameter or a combination is invalid.
         """
         host = LockStepHost(self, behaviour, overrides)
         host.behaviour.configure()
@@ -82,32 +82,32 @@ class LockStep:
 
     @property
     def inputs(self) -> set[str]:
-        """Topics that somebody here subscribes to, without leading slash."""
+        """Topics with subscribers, without leading slash."""
         return set(self._subscribers)
 
     def put(self, name: str, time: int, message: Any) -> None:
-        """Let time pass and deliver a message.
+        """Advance time and deliver a message.
 
         Parameters
         ----------
         name : str
             Topic, without leading slash.
         time : int
-            When, ns; not before the last.
+            Time, ns; not before the last one.
         message : object
-            With the fields of its type.
+            Message with the fields of its type.
         """
         self.advance(time)
         self._waiting.append((name, message))
         self._deliver()
 
     def advance(self, time: int) -> None:
-        """Let time pass: timers that are due run, each at its time.
+        """Advance time: timers run at their due times.
 
         Parameters
         ----------
         time : int
-            Until when, ns.
+            New time, ns.
         """
         while self._timers:
             timer = min(self._timers, key=lambda entry: entry[0])
@@ -126,7 +126,7 @@ class LockStep:
                 callback(message)
 
     def subscribe(self, name: str, callback: Callable[[Any], None]) -> None:
-        """Call back with each message of a topic, in the order of subscribing."""
+        """Register a callback for the messages of a topic; callbacks run in this order."""
         self._subscribers.setdefault(name, []).append(callback)
 
     def subscriber_count(self, name: str) -> int:
@@ -134,12 +134,12 @@ class LockStep:
         return len(self._subscribers.get(name, ()))
 
     def timer(self, period: float, callback: Callable[[], None]) -> None:
-        """Call back at a period, s, for the first time after one."""
+        """Register a callback with a period, s; the first call comes after one period."""
         step = round(period * 1e9)
         self._timers.append([self.now + step, step, callback])
 
     def message(self, type_name: str) -> SimpleNamespace:
-        """A message of a type, all zero."""
+        """Message of a type, all zero."""
         constants, fields = self._types.fielddefs[type_name]
         return SimpleNamespace(
             **{name: value for name, _, value in constants},
@@ -160,10 +160,10 @@ class LockStep:
         return np.zeros((), _DTYPES.get(payload[0], 'uint8')).item()
 
     def publisher(self, name: str) -> Callable[[Any], None]:
-        """Function that publishes to a topic of the suite: records, then delivers."""
+        """Function that publishes to a topic of the suite: record, then deliver."""
         type_name = topic(name).type
         full_name = f'/{name.lstrip("/")}'
-        # Numbers in sequences are lists for the behaviours and arrays for serialization.
+        # Sequences of numbers are lists in behaviours and arrays in serialization.
         sequences = []
         for field, (sort, payload) in self._types.fielddefs[type_name][1]:
             if sort == Nodetype.SEQUENCE and payload[0][0] == Nodetype.BASE:
@@ -213,13 +213,13 @@ class LockStepHost:
     Attributes
     ----------
     behaviour : Behaviour
-        Made with this host.
+        Behaviour with this host.
     p : types.SimpleNamespace
         Values of its parameters.
     active : bool
-        True from before it is activated.
+        True from just before activation on.
     finished : str or None
-        Reason with which it asked to end; None as long as it has not.
+        Reason given to `finish`; None before.
     """
 
     def __init__(
@@ -237,7 +237,7 @@ class LockStepHost:
 
     @property
     def said(self) -> str:
-        """Message of its diagnostics now."""
+        """Present message of its diagnostics."""
         return self._diagnostic.message
 
     def message(self, name: str) -> SimpleNamespace:
@@ -255,11 +255,11 @@ class LockStepHost:
         self._lockstep.subscribe(name, callback)
 
     def publisher_count(self, name: str) -> int:
-        """Publishers of a topic: whoever puts messages in counts as one."""
+        """Number of publishers of a topic; the caller of `put` counts as one."""
         return 1
 
     def service(self, name: str, type_name: str, callback: Callable[[Any, Any], Any]) -> None:
-        """Offer a service; nobody calls it in lock step."""
+        """Create a service; it is never called in lock step."""
 
     def steady_timer(self, period: float, callback: Callable[[], None]) -> None:
         """Timer on the time of the lock step."""
@@ -274,15 +274,15 @@ class LockStepHost:
         return self._lockstep.now
 
     def get_logger(self) -> Logger:
-        """Log of Python of the behaviour's name."""
+        """Logger of Python with the name of the behaviour."""
         return logging.getLogger(self._name)
 
     def finish(self, reason: str = '') -> None:
-        """Note that the behaviour asked to end."""
+        """Store the reason of the end."""
         self.finished = reason
 
     def set_diagnostic(self, level: int, message: str, **values: Any) -> None:
-        """Publish what is new; in lock step nobody joins late, so nothing is repeated."""
+        """Publish a changed entry; it is not repeated, as there are no late subscribers."""
         if not self._diagnostic.change(level, message, values):
             return
         array = self._lockstep.message('diagnostic_msgs/msg/DiagnosticArray')

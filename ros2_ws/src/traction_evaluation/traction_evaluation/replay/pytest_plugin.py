@@ -1,4 +1,4 @@
-"""The pytest fixture `replay`: bags of one's own through the suite, in tests of one's own."""
+"""Pytest fixture `replay`: replay of the user's bags in the user's tests."""
 
 from pathlib import Path
 
@@ -7,13 +7,13 @@ import pytest
 
 @pytest.fixture
 def replay(request):
-    """Send a bag through estimator, controller and gate: `replay(bag)` gives a `Replay`.
+    """Replay of a bag through estimator, controller and gate: `replay(bag)` returns a `Replay`.
 
-    A relative path counts from the folder of the test. Keywords are those of
-    `traction_evaluation.replay.replay.replay`, and `against`, a golden file or bag: where the
-    outputs differ from it, the test fails and names the first message and field of each topic.
+    A relative path starts at the folder of the test. Keywords are those of
+    `traction_evaluation.replay.replay.replay`, and `against`, a golden file or bag. If the outputs
+    differ from it, the test fails with the first message and field of each topic.
     """
-    # Imported here: pytest loads this module in each of its runs.
+    # Imported here, since pytest loads this module in every run.
     from traction_evaluation.replay.golden import compare
     from traction_evaluation.replay.replay import replay as run_replay
 

@@ -1,7 +1,7 @@
-"""Replay of a bag through estimator, controller and gate in lock step, the same every time.
+"""Replay of a bag through estimator, controller and gate in lock step.
 
-Total order (time in the bag, then order of its file), no clock, no middleware: what comes out
-depends on the bag, the parameters and the code alone.
+Messages are in total order: by time in the bag, then in the order of the file. There is no clock
+and no middleware, so the outputs depend only on bag, parameters and code.
 """
 
 import gc
@@ -27,35 +27,35 @@ from tractor_io.bags.reader import BagReader
 from tractor_io.bags.writer import BagWriter
 
 REQUESTS = ('torque_request', 'wheel_torque_command', 'wheel_torque')
-"""Topics of a bag that may be the request to the controller, the first that it holds."""
+"""Topics used as the request to the controller: the first one in the bag."""
 
 TRUTH = 'ground_truth/slip_estimate'
-"""Topic that estimates are judged by."""
+"""Topic of the ground truth."""
 
 LONGEST_PAUSE = 3600.0
-"""Longest time without a message in a bag that is replayed, s: the gate goes on at 100 Hz."""
+"""Longest gap without messages in a replayed bag, s: the gate publishes at 100 Hz in a gap."""
 
 
 @dataclass
 class Replay:
-    """What came of a replay.
+    """Result of a replay.
 
     Attributes
     ----------
     messages : list of tuple
-        All that was published, in order: topic, type, time in the bag (ns), CDR bytes.
+        All published messages, in order: topic, type, time in the bag (ns), CDR bytes.
     start : int
         Time in the bag of its first message, ns.
     duration : float
         Length of the bag, s.
     wall : float
-        Time it took to compute, s.
+        Computing time, s.
     errors : EstimateErrors or None
-        Estimates against ground truth, where the bag holds any that counts.
+        Errors against ground truth; None without compared samples.
     truths : int
-        Messages of ground truth in the bag.
+        Number of messages of ground truth in the bag.
     custom_data : dict of str to str
-        Vehicle, soil, source and parameters, as a bag of the outputs says them.
+        Vehicle, soil, source and parameters, for a bag of the outputs.
     """
 
     messages: list[tuple[str, str, int, bytes]] = field(default_factory=list)
@@ -86,7 +86,7 @@ class Replay:
         Returns
         -------
         list
-            Decoded, in order; SI units.
+            Decoded messages, in order; SI units.
         """
         full_name = f'/{name.lstrip("/")}'
         store = typestore()
@@ -102,7 +102,7 @@ class Replay:
         Parameters
         ----------
         path : Path or str
-            Folder to make.
+            Folder to create.
 
         Raises
         ------
@@ -120,19 +120,19 @@ class Replay:
 def chosen_parameters(
     path: Path | str | None, assignments: Sequence[str]
 ) -> dict[str, dict[str, Any]]:
-    """Parameters by node from a file and from a command line.
+    """Parameters by node from a file and a command line.
 
     Parameters
     ----------
     path : Path or str, optional
-        Parameter file of ROS 2; what it has for other nodes is passed over.
+        Parameter file of ROS 2; entries for other nodes are ignored.
     assignments : sequence of str
-        Each ``NODE.NAME=VALUE``, the value as in YAML; they overrule the file.
+        Each ``NODE.NAME=VALUE``, the value as in YAML; they override the file.
 
     Returns
     -------
     dict of str to dict
-        By node; SI units.
+        Parameters by node, SI units.
 
     Raises
     ------
@@ -141,14 +141,14 @@ def chosen_parameters(
     """
     read = read_parameters(path) if path is not None else {}
     everywhere = read.pop('**', {})
-    # A file may be for all nodes of a robot.
+    # A file may have entries for other nodes of the robot.
     chosen = {name: values for name, values in read.items() if name in BEHAVIOURS}
     for name in BEHAVIOURS if everywhere else ():
         known = {row.name for row in BEHAVIOURS[name][1].parameter_table()}
         shared = {key: value for key, value in everywhere.items() if key in known}
         chosen[name] = shared | chosen.get(name, {})
     for values in chosen.values():
-        # The replay starts the nodes, and its time is that of the bag.
+        # Not used: the replay starts the nodes and has the time of the bag.
         for ignored in ('autostart', 'use_sim_time'):
             values.pop(ignored, None)
     for assignment in assignments:
@@ -174,23 +174,23 @@ def replay(
     change_radar: Callable[[Any], Any] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Replay:
-    """Send a bag through the suite in lock step.
+    """Replay a bag through the suite in lock step.
 
     Parameters
     ----------
     path : Path or str
-        Bag, MCAP or sqlite3, with `wheel_states`, in any namespace. Without a `torque_request` in
-        it, the torque that was commanded counts as asked for.
+        Bag, MCAP or sqlite3, with `wheel_states`, in any namespace. Without a `torque_request`,
+        the commanded torque is the request.
     vehicle, soil : str
-        Empty for those the bag names.
+        Vehicle and nominal soil; empty: from the bag.
     parameters : mapping of str to mapping, optional
-        What differs from the shipped parameters, by node.
+        Parameters that override the shipped ones, by node.
     judge : Judge, optional
-        What of the estimates is compared with ground truth.
+        Comparison of the estimates with ground truth.
     change_radar : callable, optional
-        Gives the message to deliver in place of one of `radar`, or None for silence.
+        Returns the message to deliver in place of one of `radar`, or None to drop it.
     progress : callable, optional
-        Called with the share that is done, 0 to 1.
+        Called with the share done, 0 to 1.
 
     Returns
     -------
@@ -200,10 +200,10 @@ def replay(
     Raises
     ------
     BagError
-        If the bag cannot be read, holds no `wheel_states` of the vehicle, or names no vehicle and
-        none is given.
+        If the bag cannot be read, has no `wheel_states` of the vehicle, or the vehicle is neither
+        given nor in it.
     ValueError
-        If vehicle, soil or a parameter is refused.
+        If vehicle, soil or a parameter is invalid.
     """
     judge = judge or Judge()
     result = Replay()
@@ -247,7 +247,7 @@ def replay(
         if judged:
             lockstep.subscribe('slip_estimate', remember)
         began = time.perf_counter()
-        # As in a node: what is collected meanwhile would be found alive anyway.
+        # Garbage collection is off, as in a node; it would only find objects in use.
         gc.disable()
         try:
             for message in bag.messages(sorted(there & set(sent))):
@@ -275,7 +275,7 @@ def replay(
             result.truths += 1
             ns = nanoseconds(message.message.header.stamp)
             if ns in estimates:
-                # Of stamps alone: those of a simulation may be far from the times of the bag.
+                # From stamps alone: those of a simulation may differ from the times of the bag.
                 t = (ns - next(iter(estimates))) * 1e-9
                 judge.add(t, names, *estimates[ns], message.message)
         result.errors = judge.errors(names)

@@ -1,4 +1,4 @@
-"""Running of sweeps: on all cores or on a Dask cluster, with results as Parquet."""
+"""Execution of sweeps on all cores or on a Dask cluster, with results as Parquet."""
 
 import importlib.metadata
 import json
@@ -27,31 +27,31 @@ from scipy.stats import spearmanr
 from traction_model.simulation.sweep import FIGURES, Row, Sweep, SweepDraw, simulate_draws
 
 SAVE_EVERY = 30.0
-"""Time between savings of the rows that are finished, s: what a machine that fails can lose."""
+"""Period of saving finished rows, s."""
 
 MAX_DRAWS = 8
-"""Most draws that a worker is given at a time."""
+"""Largest number of draws in one piece of work."""
 
 REACH_TIMEOUT = 10.0
-"""Time in which a Dask scheduler must answer, s."""
+"""Timeout of the connection to a Dask scheduler, s."""
 
 ROW_GROUP = 10_000
-# Versions that a result depends on.
+# Packages whose versions affect the result.
 _VERSIONS = ('traction_model', 'numpy', 'scipy', 'numba', 'pyarrow')
 
 
 @dataclass(frozen=True)
 class SweepResult:
-    """What came of a sweep.
+    """Result of a sweep.
 
     Attributes
     ----------
     table : pyarrow.Table
-        One row a finished draw, in the order of the draws; units in the fields' metadata.
+        One row per finished draw, in order; units in the metadata of the fields.
     asked : int
-        Number of draws asked for.
+        Number of draws requested.
     interrupted : bool
-        Whether someone stopped it.
+        True if the user stopped it.
     """
 
     table: pa.Table
@@ -65,18 +65,18 @@ class SweepResult:
 
     @property
     def succeeded(self) -> pa.Table:
-        """Rows of the draws that did not fail."""
+        """Rows of the draws without failure."""
         return self.table.filter(pc.equal(self.table['error'], ''))
 
     @property
     def parameters(self) -> list[str]:
-        """Names of what varied, in the order of the definition."""
+        """Names of the varied quantities, in the order of the definition."""
         names: list[str] = self.table.column_names
         return names[1 : names.index(next(iter(FIGURES)))]
 
 
 def schema(sweep: Sweep) -> pa.Schema:
-    """Columns of a sweep's results.
+    """Schema of the results of a sweep.
 
     Parameters
     ----------
@@ -86,8 +86,8 @@ def schema(sweep: Sweep) -> pa.Schema:
     Returns
     -------
     pyarrow.Schema
-        Fields with ``unit`` (and ``meaning``) as metadata; definition, nominal drive and
-        versions as metadata of the whole, in JSON.
+        Fields have ``unit`` (and ``meaning``) as metadata; the schema has definition, nominal
+        drive and versions in JSON.
     """
     fields = [pa.field('draw', pa.int64(), nullable=False)]
     for quantity, distribution in sweep.varied.items():
@@ -121,10 +121,10 @@ def run_sweep(
     scheduler: str = '',
     progress: Callable[[int, int], None] | None = None,
 ) -> SweepResult:
-    """Simulate all draws of a sweep and write them as they finish.
+    """Simulate all draws of a sweep and write finished ones to a file.
 
-    The file is the same however many workers there are. An interruption (Ctrl-C) ends the
-    sweep; whatever ends it, finished draws are in the file.
+    The file does not depend on the number of workers. Ctrl-C ends the sweep. Finished draws are in
+    the file in any case.
 
     Parameters
     ----------
@@ -133,24 +133,23 @@ def run_sweep(
     path : Path or str
         Parquet file to write.
     workers : int, optional
-        Number of processes on this machine, at least 1; by default one a core.
+        Number of processes on this machine, at least 1; default: one per core.
     scheduler : str
-        Address of a Dask scheduler, e.g. ``tcp://host:8786``, to use its workers instead.
+        Address of a Dask scheduler, such as ``tcp://host:8786``, whose workers to use instead.
     progress : callable, optional
-        Called with the numbers of finished and of failed draws.
+        Called with the numbers of finished and failed draws.
 
     Returns
     -------
     SweepResult
-        The finished draws.
+        Finished draws.
 
     Raises
     ------
     ValueError
         If `workers` is below 1, or given together with `scheduler`.
     RuntimeError
-        If dask is not installed, the scheduler does not answer or has no workers, or workers
-        die.
+        If dask is not installed, the scheduler does not respond or has no workers, or workers die.
     OSError
         If the file cannot be written.
     """
@@ -160,7 +159,7 @@ def run_sweep(
         raise ValueError(f'workers must be at least 1, got {workers}')
     draws = sweep.draws()
     store = _Store(schema(sweep), Path(path), progress)
-    # Before any work, so that a folder that cannot be written is told at once.
+    # Before any work, so that an unwritable folder is an error at once.
     store.save()
     interrupted = False
     try:
@@ -177,7 +176,7 @@ def run_sweep(
 
 
 class _Store:
-    """Finished rows, saved every now and then."""
+    """Finished rows, saved periodically."""
 
     def __init__(
         self, schema: pa.Schema, path: Path, progress: Callable[[int, int], None] | None
@@ -185,13 +184,13 @@ class _Store:
         self.schema = schema
         self.path = path
         self.progress = progress
-        # By the first of their draws.
+        # Rows by index of their first draw.
         self.batches: dict[int, pa.RecordBatch] = {}
         self.finished = self.failed = 0
         self.saved = time.monotonic()
 
     def add(self, rows: list[Row]) -> None:
-        """Take rows of one piece of work, unless they are here already."""
+        """Add the rows of one piece of work, unless they exist."""
         first = rows[0]['draw']
         if first in self.batches:
             return
@@ -204,7 +203,7 @@ class _Store:
             self.progress(self.finished, self.failed)
 
     def save(self) -> pa.Table:
-        """Write all rows in the order of the draws: the file does not tell who finished when."""
+        """Write all rows in the order of the draws, independent of the order of work."""
         batches = [self.batches[first] for first in sorted(self.batches)]
         table = pa.Table.from_batches(batches, self.schema).combine_chunks()
         unfinished = self.path.with_name(f'.{self.path.name}.part')
@@ -215,12 +214,12 @@ class _Store:
 
 
 def _cores() -> int:
-    """Cores that this process may use."""
+    """Number of cores that this process may use."""
     return len(os.sched_getaffinity(0))
 
 
 def _chunks(draws: Sequence[SweepDraw], workers: int) -> list[Sequence[SweepDraw]]:
-    """Draws as they are handed out: enough pieces that no worker idles long at the end."""
+    """Pieces of work, small enough that no worker waits long at the end."""
     size = max(1, min(MAX_DRAWS, math.ceil(len(draws) / (8 * workers))))
     return [draws[k : k + size] for k in range(0, len(draws), size)]
 
@@ -228,13 +227,13 @@ def _chunks(draws: Sequence[SweepDraw], workers: int) -> list[Sequence[SweepDraw
 def _on_cores(
     sweep: Sweep, draws: Sequence[SweepDraw], workers: int, add: Callable[[list[Row]], None]
 ) -> None:
-    """Simulate in processes of this machine."""
-    # Spawned: a fork would copy whatever threads hold in this process.
+    """Simulate in processes on this machine."""
+    # Spawned, since a fork would copy locks held by threads of this process.
     executor = ProcessPoolExecutor(
         min(workers, len(draws)), mp_context=multiprocessing.get_context('spawn')
     )
     others = set(multiprocessing.active_children())
-    # Processes that start meanwhile ignore Ctrl-C for good: this one ends them.
+    # Processes started meanwhile ignore Ctrl-C; this process ends them.
     with _interrupts_ignored():
         pending = [
             executor.submit(simulate_draws, sweep, part) for part in _chunks(draws, workers)
@@ -250,7 +249,7 @@ def _on_cores(
     finally:
         with _interrupts_ignored():
             if not all(future.done() for future in pending):
-                # Interrupted: a worker may be in the middle of a long piece.
+                # Interrupted: a worker may be in a long piece of work.
                 executor.shutdown(wait=False, cancel_futures=True)
                 for process in ours:
                     process.terminate()
@@ -264,7 +263,7 @@ def _on_cores(
 
 @contextmanager
 def _interrupts_ignored() -> Iterator[None]:
-    """Ignore Ctrl-C for the moment, where this thread may say so."""
+    """Ignore Ctrl-C in this block, if this is the main thread."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -312,7 +311,7 @@ def _on_cluster(
 
 
 def _fetched(future: Any, url: str) -> list[Row]:
-    """Rows of a piece of work that a cluster finished; what went wrong there, in words."""
+    """Rows of a finished piece of work from a cluster; errors there have a clear text."""
     from distributed import KilledWorker
 
     try:
@@ -329,7 +328,7 @@ def _fetched(future: Any, url: str) -> list[Row]:
 
 
 def rank_correlations(result: SweepResult, figure: str) -> dict[str, float]:
-    """How strongly a figure goes with what varied, by Spearman's rank correlation.
+    """Spearman's rank correlation of a figure with each varied quantity.
 
     Parameters
     ----------
@@ -341,8 +340,8 @@ def rank_correlations(result: SweepResult, figure: str) -> dict[str, float]:
     Returns
     -------
     dict of str to float
-        -1 to 1 for every number that varied, the strongest first; NaN where nothing varied
-        or fewer than three draws tell.
+        -1 to 1 for every varied number, the strongest first; NaN if it is constant or there are
+        fewer than three draws.
     """
     table = result.succeeded
     values = numbers(table, figure)
@@ -358,18 +357,18 @@ def rank_correlations(result: SweepResult, figure: str) -> dict[str, float]:
 
 
 def numbers(table: pa.Table, column: str) -> NDArray[np.float64]:
-    """A column as floats.
+    """Column as floats.
 
     Parameters
     ----------
     table : pyarrow.Table
         Results.
     column : str
-        A column of numbers.
+        Name of a column of numbers.
 
     Returns
     -------
     ndarray, shape (k,)
-        In the unit of the column; NaN where there is none.
+        Values in the unit of the column; NaN for missing ones.
     """
     return np.asarray(table[column].cast(pa.float64()).to_numpy(zero_copy_only=False))

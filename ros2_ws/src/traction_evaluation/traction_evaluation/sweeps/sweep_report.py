@@ -1,4 +1,4 @@
-"""A sweep as the command runs it: progress, results as Parquet, a table, a picture."""
+"""Sweep for the command line: progress, results as Parquet, table, picture."""
 
 from collections import Counter
 from datetime import datetime
@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from traction_evaluation.drives.picture import Spread, draw_sweep
+from traction_evaluation.drives.picture import FigureDistribution, draw_sweep
 from traction_evaluation.sweeps.sweep import SweepResult, numbers, rank_correlations, run_sweep
 from traction_model.definition import DefinitionError
 from traction_model.simulation.sweep import FIGURES, read_sweep
@@ -18,7 +18,7 @@ from traction_node.parameter_file import config
 
 SHOWN_ERRORS = 3
 
-# What the picture shows.
+# Figures in the picture.
 DRAWN = ('slip_mean', 'tractive_efficiency', 'final_speed')
 
 
@@ -32,34 +32,34 @@ def sweep(
     draws: int | None = None,
     seed: int | None = None,
 ) -> bool:
-    """Run a sweep, show its figures, leave results and a picture behind.
+    """Run a sweep; print its figures, write results and a picture.
 
     Parameters
     ----------
     definition : str
-        YAML file, or the name of one that is shipped.
+        YAML file, or name of a shipped one.
     folder : Path
-        Where to put the results: a folder of this sweep's own is made inside.
+        Folder for the results; each sweep has a new folder inside.
     console : Console
-        Where to show progress and figures.
+        Console for progress and figures.
     workers : int, optional
-        Number of processes on this machine; by default one a core.
+        Number of processes on this machine; default: one per core.
     scheduler : str
         Address of a Dask scheduler to use instead.
     draws, seed : int, optional
-        In place of those in the file.
+        Number of draws and seed; default: from the file.
 
     Returns
     -------
     bool
-        Whether someone interrupted it; what was finished is kept and shown.
+        True if the user interrupted it; finished draws are kept and shown.
 
     Raises
     ------
     DefinitionError
         If the definition cannot be used.
     RuntimeError, ValueError, OSError
-        As `traction_evaluation.sweeps.sweep.run_sweep` raises them, or if no draw succeeded.
+        As `traction_evaluation.sweeps.sweep.run_sweep`, or if no draw succeeded.
     """
     path = find_definition(definition, config('traction_evaluation', 'sweep_tractor.yaml').parent)
     read = read_sweep(path, draws=draws, seed=seed)
@@ -87,11 +87,11 @@ def sweep(
         )
     if result.interrupted:
         console.print(f'interrupted: {len(result.table)} of {result.asked} draws are finished')
-    _tell_failures(result, console)
+    _print_failures(result, console)
     if len(result.succeeded):
         console.print(summary(result))
         picture = folder / 'sweep.png'
-        draw_sweep(spreads(result), f'{path.stem}: {len(result.succeeded)} draws', picture)
+        draw_sweep(distributions(result), f'{path.stem}: {len(result.succeeded)} draws', picture)
         console.print(f'picture  {picture}', soft_wrap=True)
     console.print(f'results  {parquet}', soft_wrap=True)
     if not len(result.succeeded) and not result.interrupted:
@@ -100,14 +100,14 @@ def sweep(
 
 
 def find_definition(name: str, shipped: Path) -> Path:
-    """A definition by path, or by the name of one that is shipped.
+    """Path of a definition, from its path or the name of a shipped one.
 
     Parameters
     ----------
     name : str
         Path, or name without ``.yaml``.
     shipped : Path
-        Folder of those that are shipped, ``sweep_*.yaml``.
+        Folder of the shipped ones, ``sweep_*.yaml``.
 
     Returns
     -------
@@ -117,7 +117,7 @@ def find_definition(name: str, shipped: Path) -> Path:
     Raises
     ------
     DefinitionError
-        If there is neither.
+        If neither exists.
     """
     path = Path(name)
     if path.exists() or path.suffix in ('.yaml', '.yml'):
@@ -130,8 +130,8 @@ def find_definition(name: str, shipped: Path) -> Path:
     return known[name]
 
 
-def spreads(result: SweepResult) -> list[Spread]:
-    """What the picture of a sweep shows.
+def distributions(result: SweepResult) -> list[FigureDistribution]:
+    """Distributions for the picture of a sweep.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def spreads(result: SweepResult) -> list[Spread]:
 
     Returns
     -------
-    list of Spread
+    list of FigureDistribution
         Mean slip, tractive efficiency and final speed, SI units.
     """
     shown = []
@@ -148,12 +148,12 @@ def spreads(result: SweepResult) -> list[Spread]:
         unit = FIGURES[name].unit
         label = name.replace('_', ' ') + ('' if unit == '1' else f', {unit}')
         values = numbers(result.succeeded, name)
-        shown.append(Spread(label, values, rank_correlations(result, name)))
+        shown.append(FigureDistribution(label, values, rank_correlations(result, name)))
     return shown
 
 
-def _tell_failures(result: SweepResult, console: Console) -> None:
-    """Say how many draws failed, and the commonest reasons."""
+def _print_failures(result: SweepResult, console: Console) -> None:
+    """Print the number of failed draws and the most frequent reasons."""
     if not result.failed:
         return
     console.print(f'{result.failed} of {len(result.table)} draws failed:', style='yellow')
@@ -165,7 +165,7 @@ def _tell_failures(result: SweepResult, console: Console) -> None:
 
 
 def summary(result: SweepResult) -> Table:
-    """Spread of every figure over the draws that succeeded.
+    """Statistics of every figure over the draws that succeeded.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ def summary(result: SweepResult) -> Table:
     Returns
     -------
     Table
-        To print; units are in it.
+        Table with units, for printing.
     """
     table = Table(title=f'{len(result.succeeded)} draws', title_style='bold')
     table.add_column('', no_wrap=True)
@@ -188,11 +188,11 @@ def summary(result: SweepResult) -> Table:
             table.add_row(f'{name}, %', f'{100 * values.mean():.1f}')
             continue
         scale, unit = (1e-3, 'kJ') if figure.unit == 'J' else (1.0, figure.unit)
-        spread = (
+        statistics = (
             [values.mean(), values.std(), *np.percentile(values, [5, 50, 95])]
             if values.size
             else [np.nan] * 5
         )
         label = name if unit == '1' else f'{name}, {unit}'
-        table.add_row(label, *(f'{scale * value:.4g}' for value in spread))
+        table.add_row(label, *(f'{scale * value:.4g}' for value in statistics))
     return table

@@ -1,4 +1,4 @@
-"""The Project Chrono runs that the model is checked against: what was driven, and how it went.
+"""Runs of Project Chrono for the verification of the model: definitions and recordings.
 
 Rigid cylinder wheels on SCM deformable terrain, Project Chrono 8.0.0, sampled every 5 ms; see
 ``bags/README.md``. Single-wheel runs are those of Agriculture 2024, 14(3), 499, Table 1, and
@@ -22,21 +22,21 @@ from traction_model.vehicle.vehicle import Vehicle, load_vehicle
 Array = NDArray[np.float64]
 
 SAMPLE_TIME = 0.005
-"""Step of the recordings, s."""
+"""Sampling period of the recordings, s."""
 
 
 @dataclass(frozen=True)
 class ChronoRun:
-    """What was driven.
+    """Definition of a run.
 
     Attributes
     ----------
     vehicle : str
         Preset of the vehicle.
     soils : tuple of str
-        Presets of the soils, in the order in which they were met.
+        Presets of the soils, in order along the path.
     starts : tuple of float
-        Where each soil but the first began, m along the path of the rear axle.
+        Start of each soil after the first, m along the path of the rear axle.
     drawbar : Drawbar
         Draft, N.
     """
@@ -47,7 +47,7 @@ class ChronoRun:
     drawbar: Drawbar = Drawbar()
 
     def terrain(self) -> Terrain:
-        """Return the soils along the path, SI units."""
+        """Soils along the path, SI units."""
         return Terrain([load_soil(name) for name in self.soils], self.starts)
 
 
@@ -74,17 +74,17 @@ CHRONO_RUNS = {
         Drawbar(5500, 1800, ramp=2.0),
     ),
 }
-"""The runs by name."""
+"""Runs by name."""
 
 
 @dataclass(frozen=True)
 class ChronoRecording:
-    """How a run went; k samples, n wheels.
+    """Recording of a run; k samples, n wheels.
 
     Attributes
     ----------
     run : ChronoRun
-        What was driven.
+        Definition of the run.
     vehicle : Vehicle
         The vehicle.
     columns : dict of str to ndarray
@@ -111,7 +111,7 @@ class ChronoRecording:
 
     @property
     def rim_speed(self) -> Array:
-        """Speed of every wheel's rim, r*omega, m/s, forward positive, shape (k, n)."""
+        """Rim speed of every wheel, r*omega, m/s, forward positive, shape (k, n)."""
         return self.omega * [wheel.radius for wheel in self.vehicle.wheels]
 
     @property
@@ -128,7 +128,7 @@ def read_chrono(path: str | Path, run: ChronoRun) -> ChronoRecording:
     path : str or Path
         CSV file with a header line, compressed by xz.
     run : ChronoRun
-        What was driven.
+        Definition of the run.
 
     Returns
     -------
@@ -138,7 +138,7 @@ def read_chrono(path: str | Path, run: ChronoRun) -> ChronoRecording:
     Raises
     ------
     ValueError
-        Naming the file and what is missing, or if it is not sampled every 5 ms.
+        If a column is missing, or the sampling period is not 5 ms.
     """
     with lzma.open(path, 'rt', encoding='utf-8') as file:
         names, *rows = csv.reader(file)

@@ -1,7 +1,7 @@
-"""Makes the bags in bags/ from the Project Chrono runs kept beside them as compressed CSV.
+"""Bags in bags/ from the Project Chrono runs beside them (compressed CSV).
 
-The same CSV gives the same bytes, radar noise included. What is in a bag, and why, is told
-in bags/README.md.
+The same CSV gives the same bytes, with the noise of the radar. bags/README.md describes the
+content.
 """
 
 import lzma
@@ -47,11 +47,11 @@ SEEDS = {
     'wheel_soft_patch': 6,
     'wheel_torque_sine': 7,
 }
-"""Seed of the radar's noise, one of its own per run, never changed."""
+"""Seed of the radar's noise for each run; fixed."""
 
 
 class Samples:
-    """A run's columns, one entry per 5 ms, with those of the wheels side by side.
+    """Columns of a run, one entry per 5 ms, with the columns of all wheels combined.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ class Samples:
         Parameters
         ----------
         since : slice
-            Samples to take the mean of.
+            Samples for the mean.
 
         Returns
         -------
@@ -100,14 +100,14 @@ class Samples:
 
 
 class Messages:
-    """Makes the messages of a bag from samples, one kind a method.
+    """Messages of a bag from samples, one method per type.
 
     Parameters
     ----------
     samples : Samples
         The run.
     seed : int
-        Of the radar's noise.
+        Seed of the noise of the radar.
     """
 
     def __init__(self, samples: Samples, seed: int):
@@ -141,7 +141,7 @@ class Messages:
         )
 
     def slip_estimate(self, k: int) -> Any:
-        """True slip and speeds; at one instant forces and slip stiffness are not known: NaN."""
+        """True slip and speeds; forces and slip stiffness are unknown at one instant: NaN."""
         s = self._s
         v, rims = s.v[k], s.rim_speed[k]
         n = len(s.names)
@@ -169,9 +169,9 @@ class Messages:
     def terrain_estimate(self, k: int) -> Any:
         """True gross traction, external resistance and sinkage; forces are means since the last.
 
-        Gross traction is what the shaft's torque leaves for the soil. Less the external
-        resistance it is what Chrono's soil and drawbar accelerate the vehicle by. Shear stress
-        and slip stiffness are not known, hence NaN; all else is exact, hence valid.
+        Gross traction is shaft torque less bearing friction and acceleration of the wheel, over
+        the radius. Gross traction less external resistance accelerates the vehicle. Shear stress
+        and slip stiffness are unknown: NaN. All other values are exact: valid.
         """
         s = self._s
         n = len(s.names)
@@ -238,7 +238,7 @@ class Messages:
         )
 
 
-# Samples from one message to the next: 100, 50 and 10 Hz.
+# Samples between messages: 100, 50 and 10 Hz.
 FAST_STEP, ODOMETRY_STEP, TERRAIN_STEP = 2, 4, 20
 
 
@@ -250,9 +250,9 @@ def make_bag(name: str, csv_path: Path, folder: Path) -> None:
     name : str
         A key of CHRONO_RUNS.
     csv_path : Path
-        Its samples.
+        CSV file of the samples.
     folder : Path
-        Bag folder to make; must not exist.
+        Folder of the bag; must not exist.
     """
     run = CHRONO_RUNS[name]
     samples = Samples(read_chrono(csv_path, run))
@@ -276,7 +276,7 @@ def make_bag(name: str, csv_path: Path, folder: Path) -> None:
 
 
 def remake(name: str, bags: Path) -> None:
-    """Make the bag of a run anew beside its CSV.
+    """Write the bag of a run again, beside its CSV.
 
     Parameters
     ----------
@@ -299,7 +299,7 @@ def import_csv(source: Path, bags: Path) -> None:
     Parameters
     ----------
     source : Path
-        Folder of the plain CSV files.
+        Folder of the uncompressed CSV files.
     bags : Path
         Folder of all bags.
     """
@@ -316,23 +316,23 @@ def import_csv(source: Path, bags: Path) -> None:
 def make_bags(
     names: Sequence[str], bags: Path, csv: Path | None = None
 ) -> Iterator[tuple[Path, int]]:
-    """Make bags anew.
+    """Write bags again.
 
     Parameters
     ----------
     names : sequence of str
-        Runs, keys of `CHRONO_RUNS`; empty for all.
+        Names of runs, keys of `CHRONO_RUNS`; empty: all.
     bags : Path
         Folder of all bags.
     csv : Path, optional
-        Folder of plain CSV files to take the runs from first.
+        Folder of uncompressed CSV files, to compress first.
 
     Yields
     ------
     path : Path
-        Each bag as it is made.
+        Each bag.
     size : int
-        Of its MCAP file, bytes.
+        Size of its MCAP file, bytes.
 
     Raises
     ------

@@ -35,11 +35,11 @@ from traction_model.soil.empirical import rms
 from traction_model.soil.terrain import Terrain
 
 SAND_BED = 'single_wheel_sand.csv'
-"""File of the field data, measured by C. Pavlov and A. M. Johnson, Carnegie Mellon University
-(3d-terramechanics), and not part of this project."""
+"""File of the field data: C. Pavlov and A. M. Johnson, Carnegie Mellon University
+(3d-terramechanics); not part of this project."""
 
 SAND_BED_LIMIT = 0.05
-"""RMS of drawbar over load, fitted, on the tested half."""
+"""Limit of the RMS error of drawbar over load, fitted, on the tested half."""
 
 SAND_BED_HEADING = '## 4. A single wheel in a sand bed'
 
@@ -48,7 +48,7 @@ HEADINGS = ('v max, m/s', 'v mean', 'ω max, rad/s', 'ω mean', 'slip max', 'sli
 AVERAGED = 9  # samples, odd
 DIGITS = (3, 3, 3, 3, 4, 4)
 
-# What is taken away from the contact form, one at a time: (text, arguments of `follow`).
+# Parts of the contact form to leave out, one at a time: (text, arguments of `follow`).
 WITHOUT: tuple[tuple[str, dict[str, Any]], ...] = (
     ('all of it', {}),
     ('no contact offset', {'offset': 0.0}),
@@ -59,7 +59,7 @@ WITHOUT: tuple[tuple[str, dict[str, Any]], ...] = (
 
 
 def cells(found, limits=None, factor=1.0):
-    """Cells of a row: errors, bold where they are above their limit."""
+    """Cells of a row: errors, bold if above their limit."""
     row = []
     for k, value in enumerate(found):
         text = f'{value:.{DIGITS[k]}f}'
@@ -68,7 +68,7 @@ def cells(found, limits=None, factor=1.0):
 
 
 def draw_runs(recordings, motions, path):
-    """Speed, slip and sinkage of runs, Chrono's and the model's, a row each."""
+    """Draw speed, slip and sinkage of Chrono and the model, one row per run."""
     figure = Figure(figsize=(13, 2.5 * len(recordings)), layout='constrained')
     axes = figure.subplots(len(recordings), 3, squeeze=False)
     for (name, recording), (speed, slip, sinkage) in zip(recordings.items(), axes, strict=True):
@@ -102,7 +102,7 @@ def draw_runs(recordings, motions, path):
 
 
 def draw_sand_bed(comparisons, path):
-    """Drawbar over load against slip, measured, as published and fitted."""
+    """Draw drawbar over load against slip: measured, published soil, fitted."""
     figure = Figure(figsize=(11, 3.8), layout='constrained')
     for (name, found), axis in zip(
         comparisons.items(), figure.subplots(1, len(comparisons), sharey=True), strict=True
@@ -125,7 +125,7 @@ def draw_sand_bed(comparisons, path):
 
 
 def chrono_section(recordings, motions, found):
-    """What the report says of Chrono and of the paper."""
+    """Sections of the report on Chrono and the paper."""
     fed_rows, predicted_rows, paper_rows = [], [], []
     for name in recordings:
         for form in FORMS:
@@ -186,7 +186,7 @@ def chrono_section(recordings, motions, found):
 
 
 def sand_bed_section(comparisons):
-    """Table of the single-wheel bed."""
+    """Table of the tests in a sand bed."""
     rows = []
     for name, each in comparisons.items():
         rows.append(
@@ -217,21 +217,21 @@ def verify(docs: Path, bags: Path, field_data: Path | None = None) -> int:
     docs : Path
         Folder of ``verification.md`` and of ``images``.
     bags : Path
-        Folder of the bags, with Project Chrono's recordings.
+        Folder of the bags, with the recordings of Project Chrono.
     field_data : Path, optional
-        Folder of the field data; without it the section of the sand bed stays as it is.
+        Folder of the field data; without it the section of the sand bed is kept.
 
     Returns
     -------
     int
-        Exit status: 0, or 1 where a limit that is expected to hold does not.
+        Exit status: 0, or 1 if an expected limit does not hold.
 
     Raises
     ------
     ValueError
-        If a recording is not there.
+        If a recording does not exist.
     """
-    # A file has no width of its own.
+    # Output to a file has no terminal width.
     console = Console(width=None if sys.stdout.isatty() else 150)
     (docs / 'images').mkdir(parents=True, exist_ok=True)
 

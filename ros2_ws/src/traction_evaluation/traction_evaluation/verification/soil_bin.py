@@ -1,16 +1,16 @@
 """Trials of a single wheel in a soil bin: drawbar pull over slip, predicted and fitted.
 
-A trial drives the wheel at a fixed slip under a given load over fresh soil and measures its
-drawbar pull. The model stands in steady motion under the measured load, and gives drawbar over
-load (the net traction ratio) with the soil as published, and with two parameters fitted on
-every second trial and tested on the others:
+In a trial the wheel runs at a fixed slip and load over undisturbed soil, and its drawbar pull is
+measured. The model predicts drawbar over load (the net traction ratio) in steady motion under the
+measured load: with the published soil, and with two parameters fitted on every second trial and
+tested on the others:
 
-- the share of the soil's shear strength that acts at the rim (0 to 1): soil slides along a
-  smooth rim before it shears within, and the share also takes up what the model leaves out,
-  sinkage by slip and soil pushed ahead;
+- the share of shear strength that acts at the rim (0 to 1): soil slides along a smooth rim before
+it
+  shears. The share also contains effects that the model lacks, slip sinkage and bulldozing;
 - the shear deformation modulus K, m.
 
-Pressure-sinkage parameters stay as published, so that load and sinkage are predicted, not fitted.
+Pressure-sinkage parameters are as published, so load and sinkage are predicted, not fitted.
 """
 
 import csv
@@ -30,19 +30,19 @@ from traction_model.vehicle.wheel import Wheel
 COLUMNS = ('slip', 'drawbar', 'vertical_load', 'sinkage')
 
 FITTED_SLIP = (0.0, 0.9)
-"""Slip over which parameters are fitted and errors are taken: the driven wheel."""
+"""Range of slip for fits and errors: the driven wheel."""
 
 SLIP_TOLERANCE = 0.01
-"""How far a bed misses the slip that it is told: trials at 0 are measured a little beside."""
+"""Tolerance of slip: trials set to 0 are measured slightly off 0."""
 
 SHEAR_MODULI = (1e-4, 1.0)
-"""Between which K is sought, m."""
+"""Bounds of K in the fit, m."""
 
 SAND_BED_WHEELS = {
     name: Wheel(radius=0.058, width=0.05, inertia=1e-3, grouser_height=height)
     for name, height in (('smooth', 0.0), ('grouser', 0.005))
 }
-"""Wheels of the bed of Pavlov and Johnson, m; inertia is nominal and plays no part."""
+"""Wheels of Pavlov and Johnson, m; inertia is nominal and has no effect."""
 
 
 class Trials(NamedTuple):
@@ -55,7 +55,7 @@ class Trials(NamedTuple):
     load : ndarray, shape (n,)
         Measured vertical load, N.
     drawbar : ndarray, shape (n,)
-        Measured drawbar pull, N, along the motion positive.
+        Measured drawbar pull, N, positive in the direction of motion.
     sinkage : ndarray, shape (n,)
         Measured sinkage, m.
     """
@@ -72,7 +72,7 @@ class Trials(NamedTuple):
 
 
 class Prediction(NamedTuple):
-    """What the model gives for trials.
+    """Prediction of the model for trials.
 
     Attributes
     ----------
@@ -94,15 +94,15 @@ class Comparison(NamedTuple):
     trials : Trials
         All trials of the wheel, sorted by slip.
     within : ndarray of bool, shape (n,)
-        Trials within 0 to 0.9 slip: those that are fitted or tested.
+        Trials within 0 to 0.9 slip, used for fit or test.
     fitted_half : ndarray of bool, shape (n,)
-        Trials that the parameters were fitted on; the others within are the tested half.
+        Trials used for the fit; the others within are the tested half.
     strength_share : float
         Share of the soil's shear strength at the rim, 0 to 1, fitted.
     shear_deformation_modulus : float
         K, m, fitted.
     unfitted, fitted : Prediction
-        With the published soil, and with the fitted parameters, for all trials.
+        Predictions for all trials with the published soil, and with the fitted parameters.
     """
 
     trials: Trials
@@ -126,7 +126,7 @@ class Comparison(NamedTuple):
         prediction : Prediction
             `unfitted` or `fitted`.
         chosen : ndarray of bool, shape (n,)
-            Of which trials.
+            Trials to use.
 
         Returns
         -------
@@ -143,7 +143,7 @@ def read_trials(path: str | Path) -> dict[str, Trials]:
     ----------
     path : str or Path
         Table with the columns ``wheel`` (a name), ``slip`` (-1 to 1), ``drawbar`` (N),
-        ``vertical_load`` (N) and ``sinkage`` (m); others are left aside.
+        ``vertical_load`` (N) and ``sinkage`` (m); others are ignored.
 
     Returns
     -------
@@ -153,7 +153,7 @@ def read_trials(path: str | Path) -> dict[str, Trials]:
     Raises
     ------
     ValueError
-        Naming file, and column or line, of what is missing or not a number in range.
+        If a column is missing, or a value is not a number in range.
     """
     by_wheel: dict[str, list[list[float]]] = {}
     with Path(path).open(newline='', encoding='utf-8') as file:
@@ -214,26 +214,26 @@ def compare(
     wheel: Wheel,
     form: Form = Form.CONTACT,
 ) -> Comparison:
-    """Predict trials with the soil as published, and with two parameters fitted on every second.
+    """Predict trials with the published soil, and with two parameters fitted on every second one.
 
-    Of the trials within 0 to 0.9 slip, sorted by slip, the first, third, fifth and so on are
-    fitted, the others tested: repeats of one slip fall into both halves, whatever they measured.
+    Of the trials within 0 to 0.9 slip, sorted by slip, the first, third, fifth and so on are used
+    for the fit, the others for the test. So repeats of one slip are in both halves.
 
     Parameters
     ----------
     trials : Trials
         Trials of one wheel.
     soil : Soil
-        The soil as published.
+        Published soil.
     wheel : Wheel
-        The wheel, in m; its inertia plays no part.
+        The wheel, in m; its inertia has no effect.
     form : Form
         Form of the contact model.
 
     Returns
     -------
     Comparison
-        Predictions, the fitted parameters (share, and K in m), and which trials were fitted.
+        Predictions, fitted parameters (share, and K in m), and trials used for the fit.
 
     Raises
     ------
@@ -241,7 +241,7 @@ def compare(
         If there are fewer than four trials within 0 to 0.9 slip: two to fit two parameters
         and two to test them.
     """
-    # Loaded on first use: it takes longer to load than the rest of the package.
+    # Imported on demand, since the import takes longer than that of the rest of the package.
     from scipy.optimize import least_squares
 
     order = np.argsort(trials.slip, kind='stable')
@@ -278,12 +278,12 @@ def compare(
 
 
 def compare_sand_bed(path: str | Path, form: Form = Form.CONTACT) -> dict[str, Comparison]:
-    """Compare the trials of Pavlov and Johnson on dry sand, with the soil that they give.
+    """Compare the trials of Pavlov and Johnson on dry sand with their published soil.
 
     Parameters
     ----------
     path : str or Path
-        Their trials, as `read_trials` reads them (slip; N; m), of the wheels ``smooth`` and
+        Table of their trials, see `read_trials` (slip; N; m), with the wheels ``smooth`` and
         ``grouser``.
     form : Form
         Form of the contact model.
@@ -291,12 +291,12 @@ def compare_sand_bed(path: str | Path, form: Form = Form.CONTACT) -> dict[str, C
     Returns
     -------
     dict of str to Comparison
-        By wheel; lengths in m, ratios dimensionless.
+        Comparisons by wheel; lengths in m, ratios dimensionless.
 
     Raises
     ------
     ValueError
-        As of `read_trials`, or if one of the two wheels is missing.
+        As for `read_trials`, or if one of the two wheels is missing.
     """
     trials = read_trials(path)
     missing = SAND_BED_WHEELS.keys() - trials.keys()

@@ -1,14 +1,15 @@
 """Verification against Chrono, by the protocol of Agriculture 2024, 14(3), 499, section 3.
 
-The model starts from Chrono's state at 0.3 s and takes Chrono's torque; sinkage is either taken
-from Chrono, too (*fed*; from equilibrium where it is not positive), or the model's own
-(*predicted*). Errors are those of the paper's Table 3.
+The model starts from Chrono's state at 0.3 s with Chrono's torque. Sinkage is either Chrono's
+(*fed*; of equilibrium if it is not positive) or computed by the model (*predicted*). Errors are
+those of the paper's Table 3.
 
-Two numbers stand for Chrono's own numerics, fitted on these runs and the same for all:
+Two constants represent the numerics of Chrono. They are fitted on these runs and equal for all:
 
-- Soil bears as if a wheel were `CONTACT_OFFSET` deeper than its centre says.
-- Soil has been sheared for `SHEAR_STEP` when it first bears, as Chrono counts shear
-  displacement by whole time steps.
+- contact starts `CONTACT_OFFSET` before the wheel reaches the soil;
+- soil is sheared for `SHEAR_STEP` at first contact, as Chrono integrates shear displacement in
+whole
+  time steps.
 """
 
 import math
@@ -23,26 +24,26 @@ from traction_model.slip import MIN_SPEED
 from traction_model.soil.terrain import Terrain
 
 START = 0.3
-"""Time at which the model takes over from Chrono, s."""
+"""Start time of the model, s."""
 
 CONTACT_OFFSET = 0.005
-"""How much deeper than its centre says a wheel of Chrono meets soil, m."""
+"""Offset of contact in Chrono, m: added to the sinkage from the position of the wheel."""
 
 SHEAR_STEP = 1e-4
-"""For how long soil has been sheared when Chrono's wheel first bears on it, s."""
+"""Time of shear at first contact in Chrono, s."""
 
 
 class Errors(NamedTuple):
-    """Greatest and mean absolute errors over a run.
+    """Largest and mean absolute errors over a run.
 
     Attributes
     ----------
     v_max, v_mean : float
-        Of speed, m/s.
+        Errors of speed, m/s.
     omega_max, omega_mean : float
-        Of wheel speed, rad/s, over all wheels.
+        Errors of wheel speed, rad/s, over all wheels.
     slip_max, slip_mean : float
-        Of slip, dimensionless, over all wheels where the rim goes above 0.3 m/s.
+        Errors of slip, dimensionless, over all wheels with rim speed above 0.3 m/s.
     """
 
     v_max: float
@@ -57,7 +58,7 @@ PAPER_TABLE_3 = {
     'wheel_high_slip': Errors(1.406, 0.314, 40.631, 14.706, 0.02, 0.008),
     'wheel_low_slip': Errors(0.908, 0.456, 2.650, 1.416, 0.019, 0.015),
 }
-"""Errors of the paper's own model against its Chrono runs: m/s, rad/s, dimensionless."""
+"""Errors of the paper's model against its Chrono runs: m/s, rad/s, dimensionless."""
 
 _TRACTOR_SPEED = Errors(math.inf, 0.05, math.inf, 0.15, math.inf, 0.015)
 _TRACTOR = Errors(math.inf, 0.15, math.inf, 0.4, math.inf, 0.02)
@@ -69,16 +70,16 @@ LIMITS = {
     'tractor_sandy_loam': _TRACTOR,
     'tractor_soft_patch': _TRACTOR,
 }
-"""What the contact form is held to with fed sinkage: m/s, rad/s, dimensionless."""
+"""Limits of the contact form with fed sinkage: m/s, rad/s, dimensionless."""
 
 NOT_REACHED = {'wheel_low_slip': ['slip_max']}
-"""Errors that stay above their limits with fed sinkage, dimensionless.
+"""Errors above their limits with fed sinkage, dimensionless.
 
-Chrono's own slip jumps by more than that between samples, as the wheel meets cells of its grid.
+Slip in Chrono jumps by more than that between samples, when the wheel reaches cells of its grid.
 """
 
 PREDICTED_FACTOR = 3.0
-"""How many times `LIMITS` the errors may be with predicted sinkage, dimensionless."""
+"""Factor on `LIMITS` with predicted sinkage, dimensionless."""
 
 
 def follow(
@@ -100,20 +101,20 @@ def follow(
     form : Form
         Form of the contact model.
     fed : bool
-        Whether sinkage is taken from Chrono or predicted.
+        True: sinkage from Chrono. False: predicted sinkage.
     terrain : Terrain, optional
-        Soils in place of the run's own.
+        Soils that replace those of the run.
     offset : float
         Added to Chrono's sinkage, m.
     shear_step : float
         See `traction_model.simulation.simulate.simulate`, s.
     multipass : bool
-        Whether wheels meet the ruts of those before them, or fresh soil.
+        True: wheels run in the ruts of those before them. False: undisturbed soil.
 
     Returns
     -------
     Trajectory
-        The model's motion, SI units, at Chrono's samples.
+        Motion of the model, SI units, at the samples of Chrono.
     """
     first = int(np.searchsorted(recording.t, START - SAMPLE_TIME / 2))
     depth = recording.sinkage[first:] + offset
@@ -142,9 +143,9 @@ def errors(recording: ChronoRecording, trajectory: Trajectory) -> Errors:
     Parameters
     ----------
     recording : ChronoRecording
-        The run as Chrono had it.
+        Recording of Chrono.
     trajectory : Trajectory
-        The run as simulated, to its end.
+        Simulated motion, to the end of the run.
 
     Returns
     -------
@@ -173,9 +174,9 @@ def exceeded(found: Errors, limits: Errors, factor: float = 1.0) -> list[str]:
     found : Errors
         Errors of a run: m/s, rad/s, dimensionless.
     limits : Errors
-        What they are held to, in the same units; infinite where they are held to nothing.
+        Limits, in the same units; infinite if there is none.
     factor : float
-        How many times the limits are allowed, dimensionless.
+        Factor on the limits, dimensionless.
 
     Returns
     -------
