@@ -12,13 +12,13 @@ STEPS := benchmarks/controller_step.py benchmarks/estimator_step.py
 help:  ## Show this list
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' Makefile | expand -t 16
 
-setup:  ## Make .venv and build the workspace (the others do this by themselves)
+setup:  ## Make .venv and build the workspace (all other targets include it)
 	@sh tools/setup.sh $(PYTHON)
 
 demo: setup  ## Drive onto a soft patch without and with control; table, picture, bags
 	@.venv/bin/traction demo
 
-test: setup  ## Run the tests; those with real processes after the others, which take all cores
+test: setup  ## Run the tests: first on all cores, then those with real processes
 	@.venv/bin/python -m pytest -n 2 -m 'not process and not nightly'; cores=$$?; \
 	.venv/bin/python -m pytest -m 'process and not nightly' && exit $$cores
 
@@ -38,7 +38,7 @@ bench: setup  ## Times of a step of control and estimation; the model's speed ag
 	@.venv/bin/python -m pytest --benchmark-only --benchmark-columns=median,min,max,rounds $(STEPS)
 	@.venv/bin/python benchmarks/model.py
 
-nightly: setup  ## What takes long: all faults, and a million steps that may leave nothing behind
+nightly: setup  ## Long tests: all faults, and a million steps without memory growth
 	@.venv/bin/python -m pytest -m nightly
 	@.venv/bin/python -m pytest -s --benchmark-skip $(STEPS)
 
@@ -48,16 +48,16 @@ lint: setup  ## Check style, types of the cores, and package.xml files
 	@.venv/bin/mypy
 	@.venv/bin/python tools/check_packages.py
 
-golden: setup  ## Replay all bags and keep what comes out in tests/golden
+golden: setup  ## Replay all bags and write the outputs to tests/golden
 	@for bag in bags/*/; do \
 	  .venv/bin/traction replay $$bag --golden tests/golden/$$(basename $$bag).golden || exit 1; \
 	done; git --no-pager diff --stat tests/golden
 
-docs: setup  ## Write parameter files and the READMEs' parameter tables from the nodes' tables
+docs: setup  ## Write parameter files and README tables from the parameters of the nodes
 	@.venv/bin/python -m traction_bringup.parameter_docs ros2_ws/src
 
-bags: setup  ## Make the bags in bags/ again from their CSV files
+bags: setup  ## Write the bags in bags/ again from their CSV files
 	@.venv/bin/traction bag make
 
-clean:  ## Remove all that the other targets made
+clean:  ## Remove the outputs of the other targets
 	rm -rf .venv ros2_ws/build ros2_ws/install ros2_ws/log out

@@ -1,1 +1,1 @@
-"""Slip control in closed loop: the loop, trials, scenarios, and the report."""
+"""Slip control in closed loop: loop, trials, scenarios and report."""

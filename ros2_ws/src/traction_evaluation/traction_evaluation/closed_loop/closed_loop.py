@@ -1,9 +1,9 @@
-"""Closed loop of plant, sensors and the loop that ships: estimator, slip control and gate.
+"""Closed loop of plant, sensors and the shipped loop: estimator, slip control and gate.
 
-Every sampling period the driver's request and the wheels' reading go to `TractionLoop`, then the
-radar readings whose latency has passed, in the order in which the node of the plant sends them.
-Torques that leave the gate reach the plant after a transport delay. All noise follows from one
-seed. A copy (`copy.deepcopy`) goes on with the same noise.
+In every sampling period `TractionLoop` receives the driver's request, a reading of the wheels, and
+radar readings after their latency, in the order of messages from the plant node. Torques after the
+gate reach the plant after a transport delay. One seed determines all noise. A copy
+(`copy.deepcopy`) continues with the same noise.
 """
 
 import math
@@ -29,19 +29,19 @@ DT = 0.01
 
 @dataclass(frozen=True)
 class Sensors:
-    """What is wrong with the sensors of a vehicle.
+    """Errors of the sensors of a vehicle.
 
     Attributes
     ----------
     pulses_per_turn : float
         Pulses of a tachometer in one turn of the wheel, at least 0; 0: ideal.
     radar : RadarModel
-        Noise, m/s, latency, s, and blindness of the radar.
+        Noise, m/s, latency, s, and smallest speed, m/s, of the radar.
     radar_period : float
-        Time between its readings, s, above 0; whole sampling periods are taken.
+        Period of its readings, s, above 0; rounded to whole sampling periods.
     torque_noise : float
-        Standard deviation of a shaft torque's reading, at least 0, as a share of the wheel's
-        static load times its radius, dimensionless.
+        Standard deviation of a reading of shaft torque, over static load times radius of the
+        wheel, dimensionless, at least 0.
     """
 
     pulses_per_turn: float = 0.0
@@ -58,7 +58,7 @@ class Sensors:
 
 @dataclass(frozen=True)
 class Drive:
-    """What happened in a closed loop; k samples, n wheels.
+    """Recording of a closed loop; k samples, n wheels.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class Drive:
     v_estimate : ndarray, shape (k,)
         Estimated speed, m/s; the true one without estimation.
     net_traction : ndarray, shape (k,)
-        Thrust less the soil's resistance, over all wheels, N, forward positive.
+        Net traction of all wheels, N, forward positive.
     target : ndarray, shape (k,)
         Slip target, dimensionless; NaN without control.
     rim_speed : ndarray, shape (k, n)
@@ -95,17 +95,17 @@ class Drive:
     command: Array
 
     def efficiency(self, start: float = 0.0) -> tuple[float, float]:
-        """Tractive work and the energy that it took, from a time on.
+        """Tractive work and shaft energy from a time on.
 
         Parameters
         ----------
         start : float
-            s.
+            Time, s.
 
         Returns
         -------
         work, energy : float
-            Of net traction along the way, and of all shafts, J (N·m).
+            Work of net traction, and energy of all shafts, J (N·m).
         """
         judged = self.t >= start
         dt = float(self.t[1] - self.t[0])
@@ -114,22 +114,22 @@ class Drive:
 
 
 class ClosedLoop:
-    """A vehicle whose torque answers to its sensors.
+    """Simulated vehicle under slip control with its sensors.
 
     Parameters
     ----------
     plant : Plant
-        The vehicle on its soil, with the lag of its drive.
+        Vehicle on its soil, with the lag of its drive.
     loop : TractionLoop or None
-        Estimator, slip control and gate; without it, wheels get the torque requested.
+        Estimator, slip control and gate; None: wheels have the requested torque.
     sensors : Sensors
-        Their faults.
+        Errors of the sensors.
     seed : int
         Seed of all noise, at least 0.
     delay : float
-        Time from sensors to the drive, s, at least 0; whole sampling periods are taken.
+        Time from sensors to the drive, s, at least 0; rounded to whole sampling periods.
     perfect : bool
-        True to put a `PerfectEstimator` of the plant in place of the loop's estimator.
+        True to replace the estimator of the loop by a `PerfectEstimator` of the plant.
 
     Raises
     ------
@@ -167,7 +167,7 @@ class ClosedLoop:
         self._rows: list[list[float]] = []
 
     def set_target(self, target: float) -> None:
-        """Give a slip target to the loop.
+        """Set the slip target of the loop.
 
         Parameters
         ----------
@@ -184,7 +184,7 @@ class ClosedLoop:
         self.loop.slip_target(target)
 
     def step(self, request: Sequence[float]) -> None:
-        """Read the sensors, find the torque and advance by one sampling period.
+        """Read the sensors, compute the torque and advance by one sampling period.
 
         Parameters
         ----------
@@ -194,7 +194,7 @@ class ClosedLoop:
         Raises
         ------
         ValueError
-            If a torque is not finite, or there are too few or too many.
+            If a torque is not finite, or their number is wrong.
         """
         plant, loop = self.plant, self.loop
         t, v, n = self._steps * DT, plant.v, plant.n_wheels
@@ -231,12 +231,12 @@ class ClosedLoop:
         return self._steps * DT
 
     def drive(self) -> Drive:
-        """All that happened so far.
+        """Recording so far.
 
         Returns
         -------
         Drive
-            In SI units, one row a sampling period.
+            In SI units, one row per sampling period.
         """
         n = self.plant.n_wheels
         rows = np.array(self._rows).reshape(-1, 7 + 3 * n)

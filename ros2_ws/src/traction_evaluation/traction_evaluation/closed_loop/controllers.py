@@ -1,4 +1,4 @@
-"""Controllers that the evaluation compares: the loop that ships, and what differs from it."""
+"""Controllers of the comparison, as changes to the shipped parameters."""
 
 import copy
 from dataclasses import dataclass, replace
@@ -22,23 +22,23 @@ REASONS = {
     'slip_controller.pi_integral': 'tuned on draws of its own',
     'slip_estimator.tachometer_pulses': 'a maker knows the tachometers: what that is worth',
 }
-"""Why a parameter may differ from what ships; no other may."""
+"""Reasons of parameters that differ from the shipped ones; all others must be equal."""
 
 
 @dataclass(frozen=True)
 class Controller:
-    """A controller of the comparison.
+    """Controller of the comparison.
 
     Attributes
     ----------
     text : str
-        Its name in the report.
+        Name in the report.
     changes : tuple of (str, object)
-        What differs from what ships, by ``node.parameter``, SI units.
+        Changes to the shipped parameters, by ``node.parameter``, SI units.
     perfect : bool
-        True if it sees the true slip in place of an estimate.
+        True to use the true slip in place of an estimate.
     pulses_told : bool
-        True if the estimator is told how many pulses a turn the tachometers count.
+        True to set the pulses per turn of the tachometers in the estimator.
     """
 
     text: str
@@ -53,7 +53,7 @@ class Controller:
         Raises
         ------
         ValueError
-            If one differs from what ships for which `REASONS` has no reason.
+            If a parameter differs from the shipped one and `REASONS` has no reason.
         """
         chosen: dict[str, dict[str, Any]] = {}
         for name, value in self.changes:
@@ -61,7 +61,7 @@ class Controller:
                 raise ValueError(f'{self.text}: no reason is given why {name} differs')
             node, _, parameter = name.partition('.')
             chosen.setdefault(node, {})[parameter] = value
-        # A law that does not ship is no choice of the node's table.
+        # The node's table does not allow the laws of the baselines.
         law = chosen.get('slip_controller', {}).get('law')
         if law in BASELINES:
             del chosen['slip_controller']['law']
@@ -71,17 +71,17 @@ class Controller:
         return found
 
     def loop(self, pulses_per_turn: float) -> TractionLoop:
-        """Make its estimator, slip control and gate, with nothing remembered.
+        """Estimator, slip control and gate in their initial state.
 
         Parameters
         ----------
         pulses_per_turn : float
-            Of the vehicle's tachometers; used only where `pulses_told`.
+            Pulses of the tachometers; used only with `pulses_told`.
 
         Returns
         -------
         TractionLoop
-            A copy; the first is kept, as gains take long to make.
+            A copy of a cached loop, since the computation of gains takes long.
         """
         loop = copy.deepcopy(_made(self))
         if self.pulses_told:
@@ -109,7 +109,7 @@ HOLDING: tuple[tuple[str, Any], ...] = (
     ('slip_controller.hold_torque', _ample_torque()),
     ('torque_gate.max_torque', _ample_torque()),
 )
-"""What differs in trials for every controller."""
+"""Changes of every controller in trials."""
 
 
 def fixed_pi(proportional: float, integral: float) -> Controller:
@@ -118,7 +118,7 @@ def fixed_pi(proportional: float, integral: float) -> Controller:
     Parameters
     ----------
     proportional, integral : float
-        As shares of static load times radius, dimensionless and 1/s.
+        Gains over static load times radius, dimensionless and 1/s.
 
     Returns
     -------
@@ -137,17 +137,17 @@ def fixed_pi(proportional: float, integral: float) -> Controller:
 
 
 def controllers(pi: Controller) -> list[Controller]:
-    """All controllers that are compared, the one that the targets are for last.
+    """All controllers of the comparison; the last one has the targets.
 
     Parameters
     ----------
     pi : Controller
-        The fixed PI as tuned.
+        The tuned fixed PI.
 
     Returns
     -------
     list of Controller
-        They hold slip.
+        Controllers in mode hold.
     """
     return [
         pi,
@@ -159,17 +159,17 @@ def controllers(pi: Controller) -> list[Controller]:
 
 
 def limiting(controller: Controller) -> Controller:
-    """Same controller, limiting slip as it ships in place of holding it.
+    """Same controller in the shipped mode limit.
 
     Parameters
     ----------
     controller : Controller
-        Holds slip.
+        Controller in mode hold.
 
     Returns
     -------
     Controller
-        Limits it.
+        Controller in mode limit.
     """
     return replace(
         controller, changes=tuple(each for each in controller.changes if each not in HOLDING)

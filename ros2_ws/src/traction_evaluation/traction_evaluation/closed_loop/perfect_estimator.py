@@ -1,4 +1,4 @@
-"""Estimator without error, which tells errors of estimation from those of control."""
+"""Estimator without error, to separate errors of estimation and control."""
 
 import math
 
@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 class PerfectEstimator:
-    """What a perfect estimator would say of a simulated vehicle.
+    """Perfect estimator of a simulated vehicle.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ class PerfectEstimator:
     v : float
         Speed over ground, m/s.
     slip, slip_variance, rim_speed, valid, gross_traction : ndarray, shape (n,)
-        As of `VehicleEstimator`; dimensionless, dimensionless, m/s, dimensionless, N.
+        As in `VehicleEstimator`; dimensionless, dimensionless, m/s, dimensionless, N.
     source : Source
         Ground: the speed counts as measured.
     """
@@ -46,7 +46,7 @@ class PerfectEstimator:
         self.gross_traction = plant.gross_traction
 
     def wheel_states(self, t: float, omega: ArrayLike, torque: ArrayLike) -> bool:
-        """Look at the plant, whatever the sensors say.
+        """Copy the state of the plant; the readings are not used.
 
         Parameters
         ----------
@@ -64,7 +64,7 @@ class PerfectEstimator:
         return True
 
     def radar(self, t: float, v: float, variance: float) -> bool:
-        """Pass over a radar reading.
+        """Ignore a radar reading.
 
         Parameters
         ----------
@@ -80,7 +80,7 @@ class PerfectEstimator:
 
     @property
     def slip_stiffness(self) -> Array:
-        """Slope of thrust over slip through the plant's sinkage and tau_max, N, shape (n,)."""
+        """Slope of gross traction over slip by sinkage and tau_max of the plant, N, shape (n,)."""
         plant, terrain, vehicle = self._plant, self._plant.terrain, self._plant.vehicle
         slopes = []
         for j, (wheel, track) in enumerate(zip(vehicle.wheels, vehicle.tracks, strict=True)):
@@ -88,7 +88,7 @@ class PerfectEstimator:
             depth = min(max(float(plant.sinkage[j]), 1e-3), wheel.radius)
             length = wheel.contact_length(depth)
             path = length / terrain.soil(row, track).shear_deformation_modulus
-            # As of 1 - kappa at y = |i|*l/K: (kappa - exp(-y))/y, 1/2 at y = 0.
+            # d(1 - kappa)/dy at y = |i|*l/K: (kappa - exp(-y))/y, 1/2 at y = 0.
             y = max(abs(float(self.slip[j])) * path, 1e-6)
             slope = (shear_deficit(y) - math.exp(-y)) / y if y > 1e-4 else 0.5
             slopes.append(wheel.width * length * path * slope)

@@ -1,4 +1,4 @@
-"""Tuning of the fixed PI, the baseline, on draws of its own."""
+"""Tuning of the fixed PI (baseline) on separate draws."""
 
 from typing import NamedTuple
 
@@ -8,23 +8,23 @@ from traction_evaluation.closed_loop.trial import TrialDraw
 from traction_evaluation.closed_loop.workers import Workers
 
 GAINS = ((0.1, 0.2, 0.4, 0.8, 1.2, 1.6, 2.4), (0.4, 0.8, 1.6, 2.4, 3.2, 4.8, 6.4))
-"""Gains that are tried, as shares of static load times radius: proportional, and integral, 1/s."""
+"""Candidate gains over static load times radius: proportional, and integral, 1/s."""
 
 FEW_GAINS = ((0.4, 1.2), (1.6, 3.2))
-"""Gains that are tried where only a look is wanted."""
+"""Candidate gains of a short run."""
 
 SHORTLIST = 4
 
 
 class TunedPi(NamedTuple):
-    """A fixed PI, and what it achieved on the draws it was tuned on."""
+    """Fixed PI with its result on the tuning draws."""
 
     controller: Controller
     result: Result
 
     @property
     def text(self) -> str:
-        """Gains and what they achieved, in words."""
+        """Gains and result as text."""
         gains = dict(self.controller.changes)
         return (
             f'proportional {gains["slip_controller.pi_proportional"]:g} and integral '
@@ -38,23 +38,23 @@ def tune_pi(
     draws: list[TrialDraw],
     gains: tuple[tuple[float, ...], tuple[float, ...]] = GAINS,
 ) -> tuple[TunedPi, TunedPi]:
-    """Find the gains of least slip error.
+    """Gains of minimum slip error.
 
-    All are tried on a quarter of the draws, the best of them on all.
+    All candidates run on a quarter of the draws, the best ones on all.
 
     Parameters
     ----------
     workers : Workers
-        Drive the trials.
+        Processes for the trials.
     draws : list of TrialDraw
-        Others than those that controllers are judged by.
+        Draws other than those of the comparison.
     gains : pair of tuple of float
-        As of `GAINS`.
+        As for `GAINS`.
 
     Returns
     -------
     best, least : TunedPi
-        Of least slip RMSE among those most often stable, and among all.
+        Minimum slip RMSE among the candidates most often stable, and among all.
     """
     tried = [fixed_pi(p, i) for p in gains[0] for i in gains[1]]
     few = draws[: max(1, len(draws) // 4)]
@@ -64,7 +64,7 @@ def tune_pi(
 
     found = workers.run('tuning the fixed PI', [(each, few) for each in tried], noise_free=False)
     first = {each: Result.of(outcomes, few) for each, outcomes in found.items()}
-    # Those that may be the best, whether stability comes first or not.
+    # Candidates for both criteria.
     short = sorted(tried, key=lambda each: worth(first[each]))[:SHORTLIST]
     short += sorted(tried, key=lambda each: first[each].rmse)[:SHORTLIST]
     short = list(dict.fromkeys(short))

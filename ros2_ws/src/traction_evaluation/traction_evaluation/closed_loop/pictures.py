@@ -18,12 +18,12 @@ QUANTILES = (0.05, 0.5, 0.95)
 
 
 def draw_steps(results: Mapping[str, Result], path: Path) -> None:
-    """Step responses: median and 5 to 95 % of the trials.
+    """Draw step responses: median and 5 to 95 % of the trials.
 
     Parameters
     ----------
     results : mapping of str to Result
-        By name of the controller.
+        Results by name of controller.
     path : Path
         PNG file to write.
     """
@@ -48,12 +48,12 @@ def draw_steps(results: Mapping[str, Result], path: Path) -> None:
 
 
 def draw_distributions(results: Mapping[str, Result], path: Path) -> None:
-    """Distribution of settling time, overshoot, slip error and peak over all trials.
+    """Draw distributions of settling time, overshoot, slip error and peak over all trials.
 
     Parameters
     ----------
     results : mapping of str to Result
-        By name of the controller.
+        Results by name of controller.
     path : Path
         PNG file to write.
     """
@@ -81,12 +81,12 @@ def draw_distributions(results: Mapping[str, Result], path: Path) -> None:
 def draw_scenarios(
     drives: Mapping[tuple[str, str], Drive], shown: Sequence[str], path: Path
 ) -> None:
-    """Slip of all wheels, one row a scenario and one column a controller, and the speeds.
+    """Draw slip of all wheels and speed, one row per scenario and one column per controller.
 
     Parameters
     ----------
     drives : mapping of (str, str) to Drive
-        By names of scenario and controller.
+        Drives by names of scenario and controller.
     shown : sequence of str
         Controllers to show.
     path : Path

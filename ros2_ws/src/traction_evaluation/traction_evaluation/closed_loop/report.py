@@ -1,4 +1,4 @@
-"""Report on slip control in closed loop and on estimation: docs/control.md and its pictures."""
+"""Report on slip control in closed loop and on estimation: docs/control.md with pictures."""
 
 import subprocess
 import sys
@@ -46,10 +46,10 @@ from traction_evaluation.markdown import Target, fill, said, section, table, tar
 from traction_model.vehicle.vehicle import load_vehicle
 
 DRAWS, TUNING_DRAWS = 2048, 128
-"""Trials of every controller, and trials that the fixed PI is tuned on."""
+"""Numbers of trials of every controller, and of the tuning of the fixed PI."""
 
 QUICK_DRAWS, QUICK_TUNING_DRAWS = 16, 4
-"""The same where only a look is wanted."""
+"""The same numbers for a short run."""
 
 FIELD_HEADING = '## 6. Field data'
 DIGEST_LINE = 'Digest of the shipped parameters: '
@@ -65,7 +65,7 @@ def evaluate(
     seed: int = 1,
     quick: bool = False,
 ) -> int:
-    """Evaluate everything and write the report.
+    """Run the evaluation and write the report.
 
     Parameters
     ----------
@@ -74,10 +74,10 @@ def evaluate(
     bags : Path
         Folder of Project Chrono's bags.
     field_data : Path, optional
-        Folder of the field data; without it their section stays as it is.
+        Folder of the field data; without it their section is kept.
     draws, tuning_draws : int, optional
-        Trials of every controller, and those that the fixed PI is tuned on, powers of 2; by
-        default `DRAWS` and `TUNING_DRAWS`.
+        Numbers of trials of every controller, and of the tuning of the fixed PI, powers of 2;
+        default: `DRAWS` and `TUNING_DRAWS`.
     seed : int
         Seed of the draws, at least 0.
     quick : bool
@@ -86,7 +86,7 @@ def evaluate(
     Returns
     -------
     int
-        Exit status: 0, or 2 where a target is missed.
+        Exit status: 0, or 2 if a target is missed.
 
     Raises
     ------
@@ -95,12 +95,12 @@ def evaluate(
     """
     usual = (QUICK_DRAWS, QUICK_TUNING_DRAWS) if quick else (DRAWS, TUNING_DRAWS)
     drawn = trial.draws(usual[0] if draws is None else draws, seed)
-    # Others than those that are judged.
+    # Separate draws for the tuning.
     tuning = trial.draws(usual[1] if tuning_draws is None else tuning_draws, seed + 1)
     gains = FEW_GAINS if quick else GAINS
-    # A file has no width of its own.
+    # Output to a file has no terminal width.
     console = Console(width=None if sys.stdout.isatty() else 190)
-    # Before anything is written there.
+    # Before the first file is written there.
     at_commit = commit(docs)
     images = docs / 'images'
     images.mkdir(parents=True, exist_ok=True)
@@ -205,7 +205,7 @@ def evaluate(
 
 
 def written_digest(report: Path) -> str:
-    """Digest of the parameters that a report was written by.
+    """Digest of the parameters in a report.
 
     Parameters
     ----------
@@ -215,7 +215,7 @@ def written_digest(report: Path) -> str:
     Returns
     -------
     str
-        Empty where the report names none.
+        The digest; empty if there is none.
     """
     for line in report.read_text(encoding='utf-8').splitlines():
         if line.startswith(DIGEST_LINE):
@@ -224,17 +224,17 @@ def written_digest(report: Path) -> str:
 
 
 def commit(folder: Path) -> str:
-    """Commit that a folder's repository is at.
+    """Commit of the repository of a folder.
 
     Parameters
     ----------
     folder : Path
-        In the repository.
+        Folder in the repository.
 
     Returns
     -------
     str
-        Abbreviated, with ``-dirty`` where files differ from it; `unknown` outside a repository.
+        Abbreviated hash, with ``-dirty`` if files differ; `unknown` outside a repository.
     """
     try:
         done = subprocess.run(
@@ -249,19 +249,19 @@ def commit(folder: Path) -> str:
 def run_scenarios(
     chosen: Sequence[Controller], progress: Callable[[], None]
 ) -> dict[tuple[str, str], Drive]:
-    """Drive every scenario without control and with each controller, limiting slip.
+    """Run every scenario without control and with each controller in mode limit.
 
     Parameters
     ----------
     chosen : sequence of Controller
-        Those to drive with.
+        Controllers to use.
     progress : callable
         Called after each drive.
 
     Returns
     -------
     dict of (str, str) to Drive
-        By names of scenario and controller.
+        Drives by names of scenario and controller.
     """
     vehicle = load_vehicle(VEHICLE)
     found = {}
@@ -276,7 +276,7 @@ def run_scenarios(
 
 
 def time_steps(every: Sequence[Controller]) -> tuple[list[list[str]], list[Target]]:
-    """Time a step of every controller and of the estimator.
+    """Computing time of a step of every controller and of the estimator.
 
     Parameters
     ----------
@@ -286,9 +286,9 @@ def time_steps(every: Sequence[Controller]) -> tuple[list[list[str]], list[Targe
     Returns
     -------
     rows : list of list of str
-        What, and median time, us.
+        Name and median time, us.
     targets : list of Target
-        Of the LPV controller and of the estimator.
+        Targets of LPV controller and estimator.
     """
     vehicle = load_vehicle(VEHICLE)
     loads = vehicle.static_loads().tolist()
@@ -317,7 +317,7 @@ def time_steps(every: Sequence[Controller]) -> tuple[list[list[str]], list[Targe
     def estimate() -> None:
         nonlocal t
         t += DT
-        # Not the same to the last bit: that would be a stuck sensor.
+        # Varied in the last bits, or the sensor would count as stuck.
         ripple = 1.0 + 1e-6 * (round(t / DT) % 7)
         estimator.wheel_states(t, [ripple * speed for speed in speeds], torques)
         estimator.radar(t, 2.0 * ripple, 0.0025)

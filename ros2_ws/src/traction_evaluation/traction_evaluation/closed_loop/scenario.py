@@ -1,7 +1,7 @@
-"""Scenarios: five drives in which something happens to a tractor, alike for every controller.
+"""Scenarios: five drives with a disturbance, the same for every controller.
 
-The driver asks for more torque than the soil can use, and slip is limited. Each scenario begins
-on the same loam; what happens, and when or where, is told by its entry in `SCENARIOS`.
+The requested torque is above the traction of the soil, and slip is limited. Each scenario starts
+on the same loam; its entry in `SCENARIOS` has the disturbance.
 """
 
 import math
@@ -26,10 +26,10 @@ START_SPEED = 2.0
 """Speed at the start, m/s."""
 
 RAMP = 1.0
-"""Time over which torque and draft build up, s."""
+"""Time of the rise of torque and draft, s."""
 
 REQUEST = (0.40, 0.90)
-"""Torque asked for on the first axle and on all others, as shares of static load times radius."""
+"""Requested torque of the first axle and of all others, over static load times radius."""
 
 SENSORS = Sensors(1000.0, RadarModel(0.05, latency=0.05), torque_noise=0.005)
 """Ordinary sensors."""
@@ -37,16 +37,16 @@ SENSORS = Sensors(1000.0, RadarModel(0.05, latency=0.05), torque_noise=0.005)
 
 @dataclass(frozen=True)
 class DriveScenario:
-    """What happens in a drive.
+    """Drive with a disturbance.
 
     Attributes
     ----------
     text : str
-        What it is, in words.
+        Description of the disturbance.
     duration : float
         s.
     happens : float
-        When it happens, s; slip is judged from then on.
+        Time of the disturbance, s; slip is evaluated from then on.
     """
 
     text: str
@@ -61,11 +61,11 @@ SCENARIOS = {
     'drawbar_jump': DriveScenario('draft doubles', 10.0, 3.0),
     'split_soil': DriveScenario('soft soil under the left wheels', 10.0, 3.0),
 }
-"""The scenarios by name."""
+"""Scenarios by name."""
 
 
 def run_scenario(name: str, vehicle: Vehicle, loop: TractionLoop | None, seed: int = 1) -> Drive:
-    """Drive a scenario.
+    """Run a scenario.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def run_scenario(name: str, vehicle: Vehicle, loop: TractionLoop | None, seed: i
     vehicle : Vehicle
         SI units.
     loop : TractionLoop or None
-        Limits slip; None: wheels get what is asked for.
+        Loop in mode limit; None: wheels have the requested torque.
     seed : int
         Seed of all noise, at least 0.
 
@@ -138,6 +138,6 @@ def _change(
     starts: Sequence[float],
     grades: float | Sequence[float] = 0.0,
 ) -> None:
-    """Lay soils ahead of the foremost wheel, the first of them up to there."""
+    """Set soils ahead of the front wheels; the first one reaches up to there."""
     ahead = plant.x + float(np.max(plant.vehicle.wheel_positions))
     plant.terrain = Terrain(soils, [ahead + start for start in starts], grades)

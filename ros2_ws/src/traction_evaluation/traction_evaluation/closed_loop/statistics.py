@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 @dataclass
 class Result:
-    """All trials of one controller.
+    """Result of all trials of one controller.
 
     Attributes
     ----------
@@ -33,14 +33,14 @@ class Result:
 
     @classmethod
     def of(cls, outcomes: list[Outcome], draws: list[TrialDraw]) -> 'Result':
-        """Gather outcomes.
+        """Result from the outcomes of trials.
 
         Parameters
         ----------
         outcomes : list of Outcome
-            One a trial.
+            One per trial.
         draws : list of TrialDraw
-            What was drawn for each, in the same order.
+            Draws, in the same order.
 
         Returns
         -------
@@ -64,19 +64,19 @@ class Result:
         return float(np.sqrt(np.mean(self.columns['rmse'] ** 2)))
 
     def settling_beyond_lag(self, kind: str = 'settling', share: float = 0.95) -> float:
-        """Quantile of settling time less the drive's own lag.
+        """Quantile of settling time less the lag of the drive.
 
         Parameters
         ----------
         kind : str
-            Which settling time, see `trial_figures.Figures`.
+            Name of the settling time, see `trial_figures.Figures`.
         share : float
             Share of trials, 0 to 1.
 
         Returns
         -------
         float
-            s; infinite where it never settled.
+            s; infinite if it did not settle.
         """
         return quantile(self.columns[kind] - self.lags, share)
 
@@ -91,7 +91,7 @@ class Result:
         Parameters
         ----------
         chosen : ndarray of bool, shape (k,)
-            True for those.
+            True for the chosen trials.
 
         Returns
         -------
@@ -103,7 +103,7 @@ class Result:
 
 
 def quantile(values: Array, share: float) -> float:
-    """Quantile that is one of the values, as some may be infinite.
+    """Quantile without interpolation, as values may be infinite.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def quantile(values: Array, share: float) -> float:
     Returns
     -------
     float
-        The next higher value.
+        The next larger value.
     """
     return float(np.quantile(values, share, method='higher'))
 
@@ -131,6 +131,6 @@ def seconds(value: float) -> str:
     Returns
     -------
     str
-        Where it is infinite, longer than `STEP_WINDOW`.
+        For an infinite value: longer than `STEP_WINDOW`.
     """
     return f'{value:.2f}' if math.isfinite(value) else f'> {STEP_WINDOW:g}'

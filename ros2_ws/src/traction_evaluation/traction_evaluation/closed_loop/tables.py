@@ -32,17 +32,17 @@ PART_HEADINGS = (
 
 
 def figure_row(result: Result) -> list[str]:
-    """Cells of a row of the table of all controllers.
+    """Row of the table of all controllers.
 
     Parameters
     ----------
     result : Result
-        Of one controller.
+        Result of one controller.
 
     Returns
     -------
     list of str
-        As of `HEADINGS`.
+        Cells as in `HEADINGS`.
     """
     c = result.columns
     return [
@@ -68,7 +68,7 @@ def figure_row(result: Result) -> list[str]:
 def part_rows(
     results: Mapping[str, Result], values: Array, ends: Array, digits: int
 ) -> list[list[str]]:
-    """Rows of controllers in ranges of something drawn.
+    """Rows of controllers by ranges of a drawn value.
 
     Parameters
     ----------
@@ -77,14 +77,14 @@ def part_rows(
     values : ndarray, shape (k,)
         Drawn value of every trial.
     ends : ndarray, shape (m,)
-        Ends of the ranges, rising, in the unit of `values`.
+        Ends of the ranges, increasing, in the unit of `values`.
     digits : int
-        Of the ends as printed.
+        Decimals of the printed ends.
 
     Returns
     -------
     list of list of str
-        As of `PART_HEADINGS` after name and range.
+        Cells as in `PART_HEADINGS`, after name and range.
     """
     rows = []
     for name, result in results.items():
@@ -107,16 +107,16 @@ def part_rows(
 
 
 def worst_table(result: Result, draws: Sequence[TrialDraw], count: int = 8) -> str:
-    """Trials of greatest slip error, with what was drawn.
+    """Table of the trials with the largest slip error, with their draws.
 
     Parameters
     ----------
     result : Result
         Of one controller.
     draws : sequence of TrialDraw
-        In the order of its trials.
+        Draws, in the order of the trials.
     count : int
-        How many.
+        Number of trials.
 
     Returns
     -------
@@ -173,12 +173,12 @@ def scenario_table(drives: Mapping[tuple[str, str], Drive]) -> str:
 
 
 def parameter_table(controllers: Sequence[Controller]) -> str:
-    """Parameters that controllers ran with, as differences from those that ship.
+    """Table of the parameters of controllers, as differences from the shipped ones.
 
     Parameters
     ----------
     controllers : sequence of Controller
-        Those of the report.
+        Controllers of the report.
 
     Returns
     -------
@@ -186,7 +186,7 @@ def parameter_table(controllers: Sequence[Controller]) -> str:
         Markdown table: parameter, as shipped, as run, controllers, reason.
     """
     shipped = shipped_parameters()
-    # Controllers by what they have in common: one row each.
+    # One row for each change, with all its controllers.
     rows: dict[tuple[str, str, str, str], list[str]] = {}
     for controller in controllers:
         changed = differences(controller.parameters)

@@ -10,13 +10,13 @@ from traction_evaluation.markdown import Target
 from traction_node.parameter_file import config
 
 MAX_SETTLING = 1.0
-"""s, less the drive's lag, 95th percentile."""
+"""Settling time less the lag of the drive, 95th percentile, s."""
 
 MAX_OVERSHOOT = 0.2
-"""Share of the step, 95th percentile."""
+"""Overshoot over the step, 95th percentile."""
 
 RMSE_SHARE = 0.5
-"""Of the fixed PI's slip RMSE, dimensionless."""
+"""Slip RMSE over that of the fixed PI, dimensionless."""
 
 
 def certificate_target() -> Target:
@@ -25,7 +25,7 @@ def certificate_target() -> Target:
     Returns
     -------
     Target
-        Of the gain table that ships.
+        Target of the shipped gain table.
     """
     try:
         _, margins = read_table_file(
@@ -50,7 +50,7 @@ def control_targets(results: Mapping[str, Result]) -> list[Target]:
     Returns
     -------
     list of Target
-        Those of the trials, after that of the certificate.
+        Target of the certificate, then targets of the trials.
     """
     lpv = results['LPV']
     others = {name: each for name, each in results.items() if name != 'LPV'}

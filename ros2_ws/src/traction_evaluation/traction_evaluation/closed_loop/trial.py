@@ -1,18 +1,21 @@
-"""Trials of slip control: drives drawn at random over soils, masses, speeds, drives and sensors.
+"""Trials of slip control: drives with random soil, mass, speed, drive lag and sensors.
 
-A trial holds slip at a target, on a soil whose tau_max, K and n the control does not know. The
-tractor pulls away from standstill: below the least speed at which slip means anything its
-request passes, so that control takes over a torque that is there. (Begun on the move, control
-would start from no torque, since torque may only fall without slip and speed.) When the tractor
-has come to `UNDER_WAY` of the drawn speed and the rear wheels into the ruts of the front ones,
-and `SETTLE` has passed since, the target rises by `STEP`; `STEP_WINDOW` later all wheels, one
-axle after the other, come onto soil of half the tau_max. Draft is in proportion to speed, and
-where the soil does not pull enough, the path goes downhill, so that steady motion at the target
-has the drawn speed on both soils; when the front wheels come onto the weaker one, the draft
-changes to that.
+A trial holds slip at a target on a soil with unknown tau_max, K and n.
 
-Every draw is driven with sensor noise, and once more without it: the first is what a vehicle
-would do, the second is how the loop itself responds. `trial_figures` judges both.
+- The tractor starts from standstill. Below the smallest speed of valid slip the request passes, so
+  control starts from this torque. (A start in motion would have no torque, because torque may only
+  fall without slip and speed.)
+- The target rises by `STEP` when the speed has reached `UNDER_WAY` of the drawn one and the rear
+wheels
+  have been in the ruts of the front ones for `SETTLE`.
+- `STEP_WINDOW` later the wheels, one axle after the other, reach soil of half the tau_max.
+- Draft is proportional to speed, and the path goes downhill if the traction of the soil is too
+small,
+  so that steady motion at the target has the drawn speed on both soils. The draft changes when the
+  front wheels reach the weaker soil.
+
+Every draw runs with sensor noise and once without it: the first shows the behaviour of a vehicle,
+the second the response of the loop. `trial_figures` evaluates both.
 """
 
 import copy
@@ -46,40 +49,40 @@ from traction_model.vehicle.vehicle import GRAVITY, Vehicle
 Array = NDArray[np.float64]
 
 TARGET = 0.15
-"""Slip held at first, dimensionless: in the middle of what is aimed at on soil, 8 to 20 %."""
+"""Initial slip target, dimensionless: in the middle of the usual range on soil, 8 to 20 %."""
 
 FIRST_STEP = 4.0
-"""When the target rises at the earliest, s."""
+"""Earliest time of the step, s."""
 
 SETTLE = 2.0
-"""Time that rear wheels have been in the ruts of front wheels by then, s."""
+"""Time of the rear wheels in the ruts of the front wheels before the step, s."""
 
 LONGEST_START = 20.0
-"""When the target rises at the latest, s, even if the vehicle has not got that far."""
+"""Latest time of the step, s."""
 
 WEAKENED = 0.5
-"""tau_max of the soil that comes last, as a share of what it was before, dimensionless."""
+"""tau_max of the last soil over that of the first, dimensionless."""
 
 DROP_WINDOW = 3.0
-"""Time that goes on after the last wheel has come onto the weaker soil, s."""
+"""Duration after the last wheel reaches the weaker soil, s."""
 
 LONGEST_DROP = 15.0
-"""Time after which a drive ends that has not got there, s."""
+"""Longest duration of a drive, s."""
 
 MIN_DRAFT = 0.2
-"""Least draft as a share of the vehicle's weight; what the soil does not pull, the slope does."""
+"""Smallest draft over the weight of the vehicle; a downhill slope provides missing traction."""
 
 UNDER_WAY = 0.9
-"""Share of the drawn speed from which on a tractor counts as under way, dimensionless."""
+"""Speed over drawn speed above which the tractor counts as under way, dimensionless."""
 
 INTEGRATION = 2e-3
-"""Integration step of the plant, s: half and twice of it give the same figures."""
+"""Integration step of the plant, s; half and twice this step give the same figures."""
 
 SPEEDS = (0.3, 6.0)
 """Range of the steady speed, m/s."""
 
 PULSES_PER_TURN = (200.0, 4000.0)
-"""Range of the tachometers' pulses a turn, dimensionless."""
+"""Range of the pulses per turn of the tachometers, dimensionless."""
 
 DISTRIBUTIONS = {
     'strength': Distribution(relative=0.5),
@@ -93,31 +96,30 @@ DISTRIBUTIONS = {
     'radar_latency': Distribution(uniform=(0.0, 0.1)),
     'torque_noise': Distribution(uniform=(0.0, 0.01)),
 }
-"""How each entry of a `TrialDraw` is drawn; relative ones are shares of what is nominal."""
+"""Distribution of each entry of a `TrialDraw`; relative ones are over the nominal value."""
 
 
 @dataclass(frozen=True)
 class TrialDraw:
-    """What one trial has of its own.
+    """Random values of one trial.
 
     Attributes
     ----------
     strength, shear_deformation_modulus, sinkage_exponent, mass : float
-        tau_max (cohesion and tan(phi) alike), K, n and the vehicle's mass as shares of what is
-        nominal, dimensionless.
+        tau_max (cohesion and tan(phi)), K, n and mass of the vehicle over their nominal values,
+        dimensionless.
     lag : float
         Time constant of the drive, s.
     speed : float
         Steady speed at the target, m/s.
     pulses_per_turn : float
-        Of the tachometers.
+        Pulses per turn of the tachometers.
     radar_noise : float
         Standard deviation, m/s.
     radar_latency : float
         s.
     torque_noise : float
-        Standard deviation of a torque reading, as a share of static load times radius,
-        dimensionless.
+        Standard deviation of a torque reading, over static load times radius, dimensionless.
     seed : int
         Seed of all noise.
     """
@@ -153,7 +155,7 @@ def draws(count: int, seed: int) -> list[TrialDraw]:
     Raises
     ------
     ValueError
-        If the count is no power of 2.
+        If the number is no power of 2.
     """
     if count < 1 or count & (count - 1):
         raise ValueError(f'number of draws must be a power of 2, got {count}')
@@ -173,22 +175,22 @@ def draws(count: int, seed: int) -> list[TrialDraw]:
 
 @dataclass(frozen=True)
 class Trial:
-    """A trial as it was driven.
+    """Recording of a trial.
 
     Attributes
     ----------
     draw : TrialDraw
-        What was drawn.
+        Random values.
     stepped, unstepped : Drive
-        The drive, and the copy whose target stays, in SI units.
+        The drive, and its copy without the step, in SI units.
     step_time : float
-        When the target rose, s.
+        Time of the step, s.
     drop_time : float
-        When the first wheels came onto the weaker soil, s.
+        Time at which the first wheels reached the weaker soil, s.
     noisy_response, noise_free_response : ndarray, shape (k,)
         Step response, see `step_response`, with sensor noise and without, dimensionless.
     figures : Figures
-        What came of it.
+        Figures of the trial.
     """
 
     draw: TrialDraw
@@ -202,14 +204,14 @@ class Trial:
 
 
 def drawn_vehicle(vehicle: Vehicle, draw: TrialDraw) -> Vehicle:
-    """Vehicle of a draw: its chassis makes up the mass.
+    """Vehicle of a draw; the chassis has the change of mass.
 
     Parameters
     ----------
     vehicle : Vehicle
-        The nominal one, SI units.
+        Nominal one, SI units.
     draw : TrialDraw
-        What was drawn.
+        Random values.
 
     Returns
     -------
@@ -226,9 +228,9 @@ def drawn_soil(soil: Soil, draw: TrialDraw, weakened: float = 1.0) -> Soil:
     Parameters
     ----------
     soil : Soil
-        The nominal one, SI units.
+        Nominal one, SI units.
     draw : TrialDraw
-        What was drawn.
+        Random values.
     weakened : float
         Further factor of tau_max, dimensionless, above 0.
 
@@ -243,7 +245,7 @@ def drawn_soil(soil: Soil, draw: TrialDraw, weakened: float = 1.0) -> Soil:
 
 
 def steady_pull(vehicle: Vehicle, soil: Soil, slip: float, speed: float) -> tuple[Array, float]:
-    """Torque of every wheel, and net traction of all, in steady motion on fresh soil.
+    """Torque of every wheel, and net traction of all, in steady motion on undisturbed soil.
 
     Parameters
     ----------
@@ -280,26 +282,26 @@ def run_trial(
     perfect: bool = False,
     noise_free: bool = True,
 ) -> Trial:
-    """Drive one trial.
+    """Run one trial.
 
     Parameters
     ----------
     draw : TrialDraw
-        What was drawn.
+        Random values.
     vehicle, soil : Vehicle, Soil
-        The nominal ones, SI units.
+        Nominal ones, SI units.
     make_loop : callable
-        Makes estimator, slip control in hold, and gate for a draw, with nothing remembered; it
-        is to use nothing of the draw but what the maker of a vehicle knows.
+        Returns estimator, slip control in mode hold, and gate in their initial state. It may use
+        only those values of the draw that are known for a real vehicle.
     perfect : bool
-        True if control sees the true slip in place of an estimate.
+        True to use the true slip in place of an estimate.
     noise_free : bool
-        True to drive it once more without noise; without that, its figures are NaN.
+        True to run it also without noise; otherwise those figures are NaN.
 
     Returns
     -------
     Trial
-        The drives and their figures, SI units.
+        Drives and figures, SI units.
     """
     own, firm = drawn_vehicle(vehicle, draw), drawn_soil(soil, draw)
     weak = drawn_soil(soil, draw, WEAKENED)
@@ -311,7 +313,7 @@ def run_trial(
         max(-STEEPEST, -math.asin(min(1.0, (draft - each) / weight)))
         for draft, each in zip(drafts, (pull, weak_pull), strict=True)
     ]
-    # Where it is not under control, a wheel gets what it needs at the target.
+    # Request: torque at the target slip, used without control.
     request = torque.tolist()
     foremost, hindmost = float(own.wheel_positions.max()), float(own.wheel_positions.min())
 
@@ -320,7 +322,7 @@ def run_trial(
             loop.step(request)
 
     def step(draw: TrialDraw, sensors: Sensors) -> tuple[ClosedLoop, ClosedLoop, float]:
-        """Drive, with a step of the target and without, to the end of the step's window."""
+        """Drives with and without the step, to the end of the window of the step."""
         plant = Plant(
             own,
             Terrain(firm, grades=downhill[0]),

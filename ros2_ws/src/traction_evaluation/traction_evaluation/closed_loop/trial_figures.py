@@ -1,10 +1,9 @@
 """Figures of a trial: step response, settling, overshoot, slip error, stability.
 
-The response to the step is the difference to a copy of the same drive, with the same noise, whose
-target stays. A wheel's response counts until the wheel comes into the rut that the one before it
-has pressed since the step: that is another soil, met at another time by every draw. Noise in both
-drives cancels, but not all of it: pulses are counted at other angles, and filters may decide
-otherwise.
+The response to the step is the difference to a copy of the drive with the same noise and without
+the step. The response of a wheel counts until it enters the rut pressed since the step by the
+wheel before it, since this is a change of soil. Noise cancels only in part: pulses come at other
+angles, and the gates of filters may accept other readings.
 """
 
 import math
@@ -22,38 +21,38 @@ STEP = 0.05
 """Rise of the target, dimensionless."""
 
 STEP_WINDOW = 2.5
-"""Time over which the response to the step is judged, s."""
+"""Time window of the step response, s."""
 
 BAND = 0.1
-"""Band about its end within which a response counts as settled, as a share of the step."""
+"""Band of a settled response about its final value, over the step."""
 
 LAST = 1.0
-"""Time before the step from which on a trial is judged, s."""
+"""Time before the step from which a trial is evaluated, s."""
 
 LARGEST_ERROR = 0.1
-"""Root mean square error of slip, over a second, above which a drive is not stable."""
+"""Largest RMS error of slip over a second in a stable drive."""
 
 RUNAWAY = 0.6
-"""Slip that must not last for a second."""
+"""Slip that must not last for a second in a stable drive."""
 
 
 @dataclass(frozen=True)
 class Figures:
-    """What came of a trial; slips are true ones.
+    """Figures of a trial; slips are true ones.
 
     Attributes
     ----------
     stable : bool
         See `judge`.
     settling : float
-        Time after the step from which on the mean slip of the wheels stays within 10 % of the
-        step about its end, s; infinite where it does not.
+        Time after the step until the mean slip of the wheels stays within 10 % of the step about
+        its final value, s; infinite if it does not.
     overshoot : float
-        By how much the mean response goes beyond the step, as a share of it, at least 0.
+        Overshoot of the mean response over the step, at least 0.
     settling_noise_free, overshoot_noise_free : float
-        The same with sensors without noise, s and dimensionless.
+        The same without sensor noise, s and dimensionless.
     settling_throughout : float
-        As `settling_noise_free`, s, of all wheels throughout, whichever rut they are in.
+        As `settling_noise_free`, s, for all wheels throughout, in any rut.
     rmse : float
         Root mean square of slip less target, over all wheels, from `LAST` before the step on.
     rmse_before : float
@@ -61,7 +60,7 @@ class Figures:
     estimate_rmse : float
         Root mean square of estimated less true slip, as `rmse`, dimensionless.
     peak : float
-        Largest slip of any wheel after the first came onto the weaker soil, dimensionless.
+        Largest slip of any wheel after the first reached the weaker soil, dimensionless.
     work, energy : float
         Tractive work and work of all shafts from `LAST` before the step on, J (N·m).
     speed : float
@@ -84,14 +83,14 @@ class Figures:
 
 
 def differences(stepped: Drive, unstepped: Drive, step_time: float) -> Array:
-    """What the step of the target did to every wheel's true slip.
+    """Response of the true slip of every wheel to the step.
 
     Parameters
     ----------
     stepped, unstepped : Drive
         A drive and its copy without the step, SI units.
     step_time : float
-        When the target rose, s.
+        Time of the step, s.
 
     Returns
     -------
@@ -104,16 +103,16 @@ def differences(stepped: Drive, unstepped: Drive, step_time: float) -> Array:
 
 
 def step_response(stepped: Drive, unstepped: Drive, step_time: float, vehicle: Vehicle) -> Array:
-    """Mean step response of the wheels that are not yet in a rut pressed since the step.
+    """Mean step response of the wheels outside ruts pressed since the step.
 
     Parameters
     ----------
     stepped, unstepped : Drive
         A drive and its copy without the step, SI units.
     step_time : float
-        When the target rose, s.
+        Time of the step, s.
     vehicle : Vehicle
-        Whose wheels follow each other, SI units.
+        The vehicle, SI units.
 
     Returns
     -------
@@ -133,7 +132,7 @@ def step_response(stepped: Drive, unstepped: Drive, step_time: float, vehicle: V
             for here, track in zip(positions, tracks, strict=True)
         ]
     )
-    # Contact begins ahead of the axle. Foremost wheels always count.
+    # Contact starts ahead of the axle. Front wheels always count.
     ahead -= [wheel.radius for wheel in vehicle.wheels]
     return np.asarray(np.average(each, axis=1, weights=moved[:, None] < ahead))
 
@@ -149,7 +148,7 @@ def settling_time(response: Array) -> float:
     Returns
     -------
     float
-        s; infinite where the last sample is not near.
+        s; infinite if the last sample is outside the band.
     """
     outside = np.flatnonzero(np.abs(response - STEP) > BAND * STEP)
     if not outside.size:
@@ -158,7 +157,7 @@ def settling_time(response: Array) -> float:
 
 
 def overshoot(response: Array) -> float:
-    """By how much a response goes beyond the step.
+    """Overshoot of a response.
 
     Parameters
     ----------
@@ -168,7 +167,7 @@ def overshoot(response: Array) -> float:
     Returns
     -------
     float
-        As a share of the step, at least 0.
+        Over the step, at least 0.
     """
     return max(0.0, float(response.max()) / STEP - 1.0)
 
@@ -182,21 +181,20 @@ def judge(
     noise_free_response: Array,
     throughout: Array,
 ) -> Figures:
-    """Find the figures of a trial.
+    """Figures of a trial.
 
-    A drive is stable where all numbers are finite, no wheel runs away (its slip does not stay
-    above `RUNAWAY` for `LAST`), and over the last second before the step, before the weaker soil
-    and of the drive the slip of every wheel has come back to the target: its root mean square
-    error is below `LARGEST_ERROR`.
+    A drive is stable if all numbers are finite, no slip stays above `RUNAWAY` for `LAST`, and the
+    RMS slip error of every wheel is below `LARGEST_ERROR` in the last second before the step,
+    before the weaker soil and before the end.
 
     Parameters
     ----------
     stepped, unstepped : Drive
-        The drive, and the copy whose target stays, SI units.
+        The drive, and its copy without the step, SI units.
     step_time : float
-        When the target rose, s.
+        Time of the step, s.
     drop_time : float
-        When the first wheels came onto the weaker soil, s.
+        Time at which the first wheels reached the weaker soil, s.
     noisy_response, noise_free_response : ndarray, shape (k,)
         See `Trial`, dimensionless.
     throughout : ndarray, shape (k,)
@@ -247,12 +245,12 @@ def columns(figures: list[Figures]) -> dict[str, Array]:
     Parameters
     ----------
     figures : list of Figures
-        One a trial.
+        One per trial.
 
     Returns
     -------
     dict of str to ndarray, shape (k,)
-        By name, in the units of `Figures`.
+        Columns by name, in the units of `Figures`.
     """
     return {
         field.name: np.array([getattr(each, field.name) for each in figures], dtype=float)

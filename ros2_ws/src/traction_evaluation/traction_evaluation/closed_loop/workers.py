@@ -1,4 +1,4 @@
-"""Processes on all cores that drive trials."""
+"""Processes on all cores for trials."""
 
 import multiprocessing
 import os
@@ -20,11 +20,11 @@ from traction_model.soil.soil import load_soil
 from traction_model.vehicle.vehicle import load_vehicle
 
 CHUNK = 4
-"""Trials that a process gets at a time."""
+"""Trials in one piece of work."""
 
 
 class Outcome(NamedTuple):
-    """What is kept of a trial.
+    """Outcome of a trial: figures and step responses.
 
     Attributes
     ----------
@@ -41,21 +41,21 @@ class Outcome(NamedTuple):
 def run_draws(
     controller: Controller, draws: Sequence[TrialDraw], noise_free: bool = True
 ) -> list[Outcome]:
-    """Drive trials of a controller.
+    """Run trials of a controller.
 
     Parameters
     ----------
     controller : Controller
-        Holds slip.
+        Controller in mode hold.
     draws : sequence of TrialDraw
-        One a trial.
+        One per trial.
     noise_free : bool
-        True to drive each once more without sensor noise.
+        True to run each also without sensor noise.
 
     Returns
     -------
     list of Outcome
-        In the order of the draws.
+        Outcomes, in the order of the draws.
     """
     vehicle, soil = load_vehicle(VEHICLE), load_soil(SOIL)
     outcomes = []
@@ -74,23 +74,23 @@ def run_draws(
 
 
 def _one_thread() -> None:
-    """Leave the other cores to the other processes."""
+    """Restrict this process to one thread."""
     for name in ('OPENBLAS_NUM_THREADS', 'OMP_NUM_THREADS'):
         os.environ[name] = '1'
 
 
 class Workers:
-    """Processes on all cores, as a context manager.
+    """Processes on all cores; a context manager.
 
     Parameters
     ----------
     console : Console
-        Where progress is shown.
+        Console for progress.
     """
 
     def __init__(self, console: Console) -> None:
         self._console = console
-        # Before a process imports NumPy: it inherits the environment.
+        # Before a process imports NumPy, since it inherits the environment.
         _one_thread()
         self._pool = ProcessPoolExecutor(
             len(os.sched_getaffinity(0)), mp_context=multiprocessing.get_context('spawn')
@@ -110,16 +110,16 @@ class Workers:
         Parameters
         ----------
         text : str
-            What is shown of it.
+            Text of the progress.
         function : callable
-            One that can be pickled.
+            Function that can be pickled.
         work : sequence of iterable
             Arguments of every call.
 
         Returns
         -------
         list
-            In the order of `work`.
+            Values, in the order of `work`.
         """
         found = []
         with Progress(console=self._console, transient=True) as progress:
@@ -135,21 +135,21 @@ class Workers:
         jobs: Sequence[tuple[Controller, Sequence[TrialDraw]]],
         noise_free: bool = True,
     ) -> dict[Controller, list[Outcome]]:
-        """Drive the trials of several controllers.
+        """Run the trials of several controllers.
 
         Parameters
         ----------
         text : str
-            What is shown of it.
+            Text of the progress.
         jobs : sequence of (Controller, sequence of TrialDraw)
-            Each controller once.
+            Each controller once, with its draws.
         noise_free : bool
-            As of `run_draws`.
+            As for `run_draws`.
 
         Returns
         -------
         dict of Controller to list of Outcome
-            In the order of draws.
+            Outcomes, in the order of the draws.
         """
         chunks = [
             (controller, draws[k : k + CHUNK])

@@ -1,1 +1,1 @@
-"""The loop of estimator, controller and gate, and the parameters that it ships with."""
+"""Loop of estimator, controller and gate, with its shipped parameters."""

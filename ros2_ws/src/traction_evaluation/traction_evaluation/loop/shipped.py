@@ -1,4 +1,4 @@
-"""Parameters of estimator, controller and gate as they ship: the nodes' tables and YAML files."""
+"""Shipped parameters of estimator, controller and gate, from the nodes' tables and YAML files."""
 
 import hashlib
 from collections.abc import Mapping
@@ -19,10 +19,10 @@ BEHAVIOURS = {
     'slip_controller': ('traction_controller', SlipControllerBehaviour),
     'torque_gate': ('torque_gate', TorqueGateBehaviour),
 }
-"""Nodes of the loop: package and behaviour by the name of the node."""
+"""Nodes of the loop: package and behaviour by name of node."""
 
 VEHICLE, SOIL = 'tractor_4wd', 'sandy_loam_chrono'
-"""Presets of the vehicle and of the nominal soil that the YAML files are for."""
+"""Presets of vehicle and nominal soil of the YAML files."""
 
 Parameters = Mapping[str, Mapping[str, Any]]
 
@@ -30,9 +30,9 @@ Parameters = Mapping[str, Mapping[str, Any]]
 def shipped_parameters(
     vehicle: str = VEHICLE, soil: str = SOIL, changes: Parameters | None = None
 ) -> dict[str, dict[str, Any]]:
-    """Parameters of estimator, controller and gate for a vehicle, every one of them.
+    """All parameters of estimator, controller and gate for a vehicle.
 
-    The YAML files that ship are for one vehicle. Another one has the defaults of the tables, and
+    The shipped YAML files are for one vehicle. Other vehicles have the defaults of the tables, and
     the law ``lqi``, which needs no gain table.
 
     Parameters
@@ -40,17 +40,17 @@ def shipped_parameters(
     vehicle, soil : str
         Preset, or path of a definition.
     changes : mapping of str to mapping, optional
-        What differs, by node.
+        Parameters that override these, by node.
 
     Returns
     -------
     dict of str to dict
-        By node, in the order in which messages pass them; SI units.
+        Parameters by node, in the order of the messages; SI units.
 
     Raises
     ------
     ValueError
-        For a node that takes no part, and for a parameter that is refused.
+        If a node is unknown, or a parameter is invalid.
     """
     changes = changes or {}
     for name in changes:
@@ -85,23 +85,23 @@ def table(node: str) -> tuple[NodeParameter, ...]:
     Returns
     -------
     tuple of NodeParameter
-        As the node declares them.
+        Its parameters.
     """
     return tuple(BEHAVIOURS[node][1].PARAMETERS)
 
 
 def as_yaml(parameters: Parameters) -> str:
-    """Parameters as YAML, the same text for the same values.
+    """Parameters as YAML; equal values give equal texts.
 
     Parameters
     ----------
     parameters : mapping of str to mapping
-        By node.
+        Parameters by node.
 
     Returns
     -------
     str
-        Sorted by name, lists in place of tuples.
+        YAML, sorted by name, with lists in place of tuples.
     """
     plain = {
         node: {
@@ -114,7 +114,7 @@ def as_yaml(parameters: Parameters) -> str:
 
 
 def digest() -> str:
-    """Digest of all that ships for `VEHICLE`: parameters and gain table.
+    """Digest of parameters and gain table shipped for `VEHICLE`.
 
     Returns
     -------
@@ -127,17 +127,17 @@ def digest() -> str:
 
 
 def differences(parameters: Parameters) -> dict[str, Any]:
-    """Parameters that differ from those that ship for `VEHICLE`.
+    """Parameters that differ from those shipped for `VEHICLE`.
 
     Parameters
     ----------
     parameters : mapping of str to mapping
-        As of `shipped_parameters`.
+        As from `shipped_parameters`.
 
     Returns
     -------
     dict of str to object
-        Value by ``node.parameter``, SI units; empty where all is as it ships.
+        Value by ``node.parameter``, SI units; empty without differences.
     """
     shipped = shipped_parameters()
     return {

@@ -1,8 +1,8 @@
-"""The loop of estimator, slip control and gate: what the nodes run, without their messages.
+"""Loop of estimator, slip control and gate: the cores of the nodes, without messages.
 
-`TractionLoop` passes readings on in the order in which the nodes do: the wheels' reading is
-estimated, the estimate is answered with torques, and the gate lets them through. It makes its
-parts from the nodes' own parameters, so that the closed loop and the nodes run the same objects.
+`TractionLoop` calls them in the order of the messages: estimate from a reading of the wheels,
+torques from the estimate, limits by the gate. It constructs them from the parameters of the nodes,
+so the closed loop and the nodes run the same classes.
 """
 
 import math
@@ -22,7 +22,7 @@ from traction_controller.estimation.vehicle_estimator import VehicleEstimator
 
 
 class Estimator(Protocol):
-    """What the loop reads of an estimator, in SI units; see `VehicleEstimator`."""
+    """Interface of an estimator for the loop, SI units; see `VehicleEstimator`."""
 
     @property
     def slip(self) -> NDArray[Any]:
@@ -34,7 +34,7 @@ class Estimator(Protocol):
 
     @property
     def valid(self) -> NDArray[Any]:
-        """True for every wheel whose slip means anything, shape (n,)."""
+        """True if a slip can be used, shape (n,)."""
 
     @property
     def rim_speed(self) -> NDArray[Any]:
@@ -46,7 +46,7 @@ class Estimator(Protocol):
 
     @property
     def source(self) -> Source:
-        """What `v` rests on."""
+        """Present source of `v`."""
 
     @property
     def gross_traction(self) -> NDArray[Any]:
@@ -57,24 +57,24 @@ class Estimator(Protocol):
         """Slope of gross traction over slip, N, shape (n,)."""
 
     def wheel_states(self, t: float, omega: ArrayLike, torque: ArrayLike) -> bool:
-        """Take a reading of the wheels; False where it is refused."""
+        """Update with a reading of the wheels; False if it is rejected."""
 
     def radar(self, t: float, v: float, variance: float) -> bool:
-        """Take a radar reading; False where it is refused or not believed."""
+        """Update with a radar reading; False if it is rejected."""
 
 
 def slip_state(estimator: Estimator) -> SlipState:
-    """What slip control is told of an estimate, as by the message SlipEstimate.
+    """Slip state from an estimate, as in the message SlipEstimate.
 
     Parameters
     ----------
     estimator : Estimator
-        After a reading of the wheels.
+        Estimator, after a reading of the wheels.
 
     Returns
     -------
     SlipState
-        SI units.
+        Input of slip control, SI units.
     """
     measured = estimator.source is not Source.WHEEL
     deviation = None
@@ -98,7 +98,7 @@ class TractionLoop:
     Parameters
     ----------
     estimator : Estimator
-        Slip from readings; `VehicleEstimator`, or another source of slip to compare with it.
+        Slip from readings: `VehicleEstimator`, or another source of slip for comparison.
     controller : SlipController
         Torques from slip.
     gate : TorqueGate
@@ -122,24 +122,24 @@ class TractionLoop:
         parameters: Mapping[str, Mapping[str, Any]],
         laws: Mapping[str, Callable[..., SlipLaw]] = LAWS,
     ) -> 'TractionLoop':
-        """Build the loop from the parameters of its nodes.
+        """Construct the loop from the parameters of its nodes.
 
         Parameters
         ----------
         parameters : mapping of str to mapping
-            As of `traction_evaluation.loop.shipped.shipped_parameters`.
+            As from `traction_evaluation.loop.shipped.shipped_parameters`.
         laws : mapping of str to class
             Control laws by name; the evaluation adds its baselines.
 
         Returns
         -------
         TractionLoop
-            With nothing measured yet.
+            Loop in its initial state.
 
         Raises
         ------
         ValueError
-            Naming the parameter that is refused, or does not fit the others.
+            If a parameter is invalid or contradicts others.
         """
         p = {node: SimpleNamespace(**values) for node, values in parameters.items()}
         return cls(
@@ -149,19 +149,19 @@ class TractionLoop:
         )
 
     def torque_request(self, steady_time: float, torque: Sequence[float]) -> None:
-        """Take the driver's request.
+        """Set the torque request of the driver.
 
         Parameters
         ----------
         steady_time : float
-            When it came, s, of a clock that is never set.
+            Time of arrival, s, of a clock that is never set.
         torque : sequence of float
-            Of every wheel, N·m, forward positive.
+            Requested torque of every wheel, N·m, forward positive.
         """
         self.controller.torque_request(steady_time, torque)
 
     def slip_target(self, target: float) -> None:
-        """Take a slip target, as by the topic `slip_target`.
+        """Set the slip target, as by the topic `slip_target`.
 
         Parameters
         ----------
@@ -176,35 +176,35 @@ class TractionLoop:
         self.controller.slip_target(target)
 
     def radar(self, t: float, v: float, variance: float) -> bool:
-        """Take a radar reading.
+        """Update with a radar reading.
 
         Parameters
         ----------
         t : float
-            Its stamp, s.
+            Stamp, s.
         v : float
             Speed over ground, m/s, forward positive.
         variance : float
-            m²/s²; 0 where it is not known.
+            Variance, m²/s²; 0 if unknown.
 
         Returns
         -------
         bool
-            False where it is refused or not believed.
+            False if it is rejected.
         """
         return self.estimator.radar(t, v, variance)
 
     def wheel_states(
         self, t: float, steady_time: float, omega: Sequence[float], torque: Sequence[float]
     ) -> list[float]:
-        """Take a reading of the wheels and answer it with torques.
+        """Update with a reading of the wheels; returns the torques.
 
         Parameters
         ----------
         t : float
-            Its stamp, s.
+            Stamp, s.
         steady_time : float
-            When it came, s, of a clock that is never set.
+            Time of arrival, s, of a clock that is never set.
         omega : sequence of float
             Wheel speeds, rad/s, forward positive.
         torque : sequence of float
@@ -213,7 +213,7 @@ class TractionLoop:
         Returns
         -------
         list of float
-            Torque of every wheel that leaves the gate, N·m, forward positive; a new list.
+            Torque of every wheel after the gate, N·m, forward positive; a new list.
         """
         estimated = self.estimator.wheel_states(t, omega, torque)
         self.controller.wheel_states(t, torque)
