@@ -44,7 +44,7 @@ def controller(law, grouping=Grouping.WHEEL, differential=Differential.OPEN):
 
 @pytest.fixture(scope='session')
 def drive():
-    """What a controller is told on the way onto a soft patch, 10 s at 100 Hz."""
+    """Inputs of a controller over 10 s at 100 Hz, with the edge of a soft patch."""
     terrain = Terrain([load_soil('sandy_loam_chrono'), load_soil('soft_patch_chrono')], [8.0])
     plant = Plant(
         TRACTOR, terrain, drawbar=Drawbar(13000, 1500, 2.0), torque_time_constant=0.1,

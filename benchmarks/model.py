@@ -40,7 +40,7 @@ CLOSE = 1e-3
 
 @dataclass
 class Row:
-    """One line of the table: a ratio, and what it should be at least."""
+    """Row of the table: a ratio and its target."""
 
     what: str
     ours: str
@@ -140,7 +140,7 @@ def model_rows(console):
 
 
 def batch_rows():
-    """Rows of many four-wheel vehicles, each on a soil of its own."""
+    """Rows of batches of four-wheel vehicles on different soils."""
     tractor = recorded(
         'tractor_sandy_loam', Drawbar(6000, 1500, 2.0), BATCH_DURATION, rolling=True
     )
@@ -170,7 +170,7 @@ def batch_rows():
 
 def main() -> int:
     """Entry point of ``make bench``."""
-    # A file has no width of its own.
+    # Output to a file has no terminal width.
     console = Console(width=None if sys.stdout.isatty() else 150)
     rows = [*model_rows(console), *batch_rows()]
     table = Table(title=f'{DURATION:.0f} s of torque at {1 / SAMPLE_TIME:.0f} Hz')

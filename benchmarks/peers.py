@@ -176,7 +176,7 @@ def stress_integrals(problem: Problem, points: int = 24) -> Motion:
 
 
 class SolverError(Exception):
-    """A peer gave no answer; the text says why."""
+    """A peer returned no result; the text has the reason."""
 
 
 class Scipy:

@@ -1,4 +1,4 @@
-"""What a benchmark solves: plain numbers that both the suite and its peers are given."""
+"""Problem of a benchmark as plain numbers, for the suite and its peers."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -74,7 +74,7 @@ def recorded(bag: str, drawbar: Drawbar, duration: float, *, rolling: bool) -> P
     times, torques, rims, starts = [], [], [], []
     with BagReader(BAGS / bag) as reader:
         vehicle = load_vehicle(reader.custom_data['vehicle'])
-        # Peers know no rebound.
+        # The peers have no elastic rebound.
         soil = load_soil(reader.custom_data['soil'])
         soil = soil.model_copy(update={'elastic_modulus': None})
         for entry in reader.messages(['/wheel_torque', '/ground_truth/slip_estimate']):

@@ -1,4 +1,4 @@
-"""What several test modules share."""
+"""Fixtures of several test modules."""
 
 import subprocess
 
@@ -9,7 +9,7 @@ from traction_node.probe import executable
 
 @pytest.fixture(scope='session')
 def traction():
-    """The command `traction` in a process of its own: gives exit status and all it printed."""
+    """Run the command `traction` in a process; returns exit status and output."""
 
     def run(*arguments):
         done = subprocess.run(

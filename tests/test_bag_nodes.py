@@ -63,7 +63,7 @@ def test_nodes_meet_ground_truth_and_the_replay(name, tmp_path):
                 'topics': ['/wheel_states', '/radar', '/wheel_torque'],
                 'wait_for_subscribers': 10.0,
             },
-            # Who drove asked for this torque.
+            # Request of the driver.
             remaps={'wheel_torque': 'torque_request'},
         ) as player:
             probe.wait_for(lambda: not player.running, 60.0, 'end of the bag')
@@ -88,7 +88,7 @@ def test_nodes_meet_ground_truth_and_the_replay(name, tmp_path):
         t = stamp.sec + stamp.nanosec * 1e-9 - start
         if t >= 2.0 and np.all(np.abs(truth.wheel_based_speed) > 0.3):
             judged += 1
-            # After readings were lost for half a second it starts anew and says so.
+            # After a dropout of half a second it resets and reports it.
             if all(estimate.valid):
                 errors.append(np.asarray(estimate.slip) - truth.slip)
     assert len(errors) > 0.8 * judged

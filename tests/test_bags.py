@@ -1,4 +1,4 @@
-"""The bags in bags/: complete, small, and what tools/make_bags.py makes of their CSV."""
+"""Bags in bags/: complete, small, and equal to new ones from their CSV."""
 
 import lzma
 

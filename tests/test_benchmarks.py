@@ -1,4 +1,4 @@
-"""The benchmarks' peers solve the model's equations: they agree, and say when they cannot run."""
+"""Peers of the benchmarks solve the equations of the model: agreement, and errors."""
 
 import shutil
 

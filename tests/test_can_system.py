@@ -11,7 +11,7 @@ from tractor_io.can.interface import free_port
 TARGET = 0.2
 SUITE = {'torque_gate', 'slip_controller', 'slip_estimator', 'can_bridge'}
 TRACTOR = {'plant_node', 'tractor_ecu'}
-# The driver's pedal is heard by the engine and by the suite, which limits what it asks for.
+# The driver's pedal goes to the engine and to the suite, which limits the torque.
 PEDAL = '/torque_request'
 # Soft soil early, so that the drive is short: m along the path of the rear axle; s after that.
 SOFT_FROM, SETTLE = 3.0, 2.0
@@ -37,7 +37,7 @@ def running():
 
 
 def speakers_and_listeners(node):
-    """Who publishes and who subscribes, by topic; what all nodes share is left out."""
+    """Publishers and subscribers by topic, without topics common to all nodes."""
     found = {}
     for name, _ in node.get_topic_names_and_types():
         if name not in ('/rosout', '/parameter_events', '/diagnostics', PEDAL):

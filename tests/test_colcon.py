@@ -13,7 +13,7 @@ PACKAGES = sorted(path.parent.name for path in WORKSPACE.glob('src/*/setup.py'))
 
 @pytest.fixture(scope='module')
 def logs(tmp_path_factory):
-    """Folder of what `colcon test` printed about each package; tests are collected, not run."""
+    """Folder with the output of `colcon test` for each package; tests are collected, not run."""
     folder = tmp_path_factory.mktemp('colcon')
     done = subprocess.run(
         [

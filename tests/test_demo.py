@@ -1,4 +1,4 @@
-"""The demo keeps what the README promises of it."""
+"""Figures of the demo against the README."""
 
 import pytest
 
@@ -8,15 +8,15 @@ from traction_evaluation.drives.recording import read_recording
 pytestmark = pytest.mark.process
 
 TARGET = 0.2
-# Rear axle on the soft patch, m along the path; judged 2 s later.
+# Rear axle on the soft patch, m along the path; evaluated 2 s later.
 SOFT_FROM = 15.0
-# It gets there after some 9 s.
+# It arrives there after about 9 s.
 DURATION = 15.0
 
 
 @pytest.fixture(scope='module')
 def drives(tmp_path_factory, traction):
-    """Both drives of a demo that is just long enough to be judged."""
+    """Both drives of a demo of the shortest sufficient duration."""
     folder = tmp_path_factory.mktemp('demo')
     status, said = traction('demo', '--folder', folder, '--duration', DURATION)
     assert status == 0, said

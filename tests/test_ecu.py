@@ -24,7 +24,7 @@ def test_a_tractor_drives_on_the_bus_until_ctrl_c():
                     group = groups.decode(message.arbitration_id, bytes(message.data))
                     heard[group.name] = group.values
             assert set(heard) == {'EEC1', 'WBSD', 'GBSD', 'HRW'}
-            # The driver has the pedal down, and nobody limits the engine.
+            # The driver has the pedal down, without a limit of the engine.
             assert heard['EEC1']['DriversDemandEnginePercentTorque'] > 0.1
             assert heard['HRW']['RearAxleLeftWheelSpeed'] == pytest.approx(
                 heard['WBSD']['WheelBasedMachineSpeed'], abs=0.5

@@ -25,7 +25,7 @@ def report(tmp_path_factory):
 @pytest.mark.nightly
 def test_report_has_all_controllers_and_pictures(report):
     status, docs, text = report
-    # 2 says that a target is missed, as it may be in so few trials.
+    # 2 means a missed target, possible in so few trials.
     assert status in (0, 2)
     assert (status == 2) == ('**missed**' in text)
     for name in (

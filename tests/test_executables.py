@@ -1,4 +1,4 @@
-"""What a user of `ros2 run` meets: every executable, its parameters, and Ctrl-C."""
+"""Every executable as with `ros2 run`: parameters and Ctrl-C."""
 
 import pytest
 from recorded_bags import BAGS

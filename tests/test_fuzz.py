@@ -72,7 +72,7 @@ RESULTS: dict[str, 'Outcome'] = {}
 
 @dataclass
 class Outcome:
-    """What came of a target's cases."""
+    """Result of the cases of a target."""
 
     cases: int = 0
     accepted: int = 0
@@ -83,7 +83,7 @@ class Outcome:
 
 
 def run(name, count, make, use, documented, folder):
-    """Run a target's cases; whatever else is raised fails, with what to do to see it again."""
+    """Run the cases of a target; other exceptions fail, with the command to repeat the case."""
     outcome = RESULTS[name] = Outcome()
     total = max(1, round(count * SHARE))
     numbers = range(total)
@@ -98,7 +98,7 @@ def run(name, count, make, use, documented, folder):
     with Progress(console=Console(stderr=True), transient=True) as progress:
         bar = progress.add_task(name, total=total)
         for k in numbers:
-            # A generator of its own for every case, so that each can be run alone.
+            # A separate generator for every case, so that each can be run alone.
             case = make(random.Random(f'{SEED}/{name}/{k}'))
             started = time.perf_counter()
             silent = False
@@ -244,7 +244,7 @@ PGNS = [tractor_groups().identifier(name).pgn for name in NAMES] + [0xEE00, 0xEA
 
 
 class Bus:
-    """Tractor and suite on one bus, that hear the same frames."""
+    """Tractor and suite on one bus, with the same frames."""
 
     def __init__(self):
         drivetrain = Drivetrain([True, True, False, False], 500.0, 40.0, 0.9, 0.3)
@@ -626,7 +626,7 @@ LOW, HIGH, RATE = [-3000.0, -100.0], [8000.0, 50.0], [30000.0, 1000.0]
 
 
 class Gate:
-    """The gate, whose output is checked after every call."""
+    """Gate with a check of its output after every call."""
 
     def __init__(self):
         self.gate = TorqueGate(WHEELS, LOW, HIGH, RATE, 0.1, 0.08)

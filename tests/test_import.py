@@ -1,4 +1,4 @@
-"""The command that imports CSV files, and what the suite makes of the bags."""
+"""Command for the import of CSV files, and replay of the bags."""
 
 import math
 from pathlib import Path

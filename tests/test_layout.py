@@ -28,7 +28,7 @@ def module_name(path, folder):
 
 
 def is_type_checking(node):
-    """Whether a node is an ``if TYPE_CHECKING`` block."""
+    """True if a node is an ``if TYPE_CHECKING`` block."""
     return isinstance(node, ast.If) and any(
         getattr(part, 'id', getattr(part, 'attr', '')) == 'TYPE_CHECKING'
         for part in ast.walk(node.test)

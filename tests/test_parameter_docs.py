@@ -1,4 +1,4 @@
-"""Parameter files and READMEs say what the nodes' tables say: `make docs` writes them."""
+"""Parameter files and READMEs agree with the nodes' tables: `make docs` writes them."""
 
 from pathlib import Path
 

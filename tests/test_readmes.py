@@ -1,4 +1,4 @@
-"""What the READMEs must not leave out: every topic."""
+"""READMEs explain every topic."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Replay in lock step: the same bytes every time, and as the golden files say."""
+"""Replay in lock step: reproducible bytes, equal to the golden files."""
 
 import re
 from dataclasses import replace

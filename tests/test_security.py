@@ -66,7 +66,7 @@ def graph(tmp_path_factory):
         with RunningSystem(nodes) as running:
             names = [node.name for node in nodes]
 
-            # The name of a node and its services may become known after its diagnostics.
+            # The name of a node and its services may be discovered after its diagnostics.
             def known(running=running, names=names):
                 with contextlib.suppress(NodeNameNonExistentError):
                     return all(

@@ -1,4 +1,4 @@
-"""Lint: what is wrong with a package is named."""
+"""Lint of packages: errors name the fault."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Set-up: what is done, what is not done again, and what is said when it fails."""
+"""Set-up: steps, skipped steps, and messages of failures."""
 
 import os
 import shutil
@@ -191,7 +191,7 @@ def test_index_that_cannot_be_reached_is_said_in_one_line(checkout):
     steps.venv.mkdir()
     steps.started, steps.line = time.monotonic(), ''
     steps.python = sys.executable
-    # Port 1 of this machine: nobody listens.
+    # Port 1 of this machine: no listener.
     steps.clean |= {
         'PIP_CONFIG_FILE': os.devnull,
         'PIP_INDEX_URL': 'http://127.0.0.1:1/simple',

@@ -65,7 +65,7 @@ def workers():
 
 @pytest.fixture(scope='module')
 def expected(read):
-    """What this process computes by itself."""
+    """Results computed in this process."""
     return simulate_draws(read, read.draws())
 
 
@@ -208,7 +208,7 @@ def test_a_folder_that_is_not_there_is_told_before_any_work(read, tmp_path):
 
 def test_a_scheduler_that_does_not_answer_is_named(read, tmp_path, monkeypatch):
     monkeypatch.setattr(sweep, 'REACH_TIMEOUT', 0.5)
-    # Port 1 of this machine: nobody listens.
+    # Port 1 of this machine: no listener.
     with pytest.raises(RuntimeError, match=r'no Dask scheduler answers at tcp://127\.0\.0\.1:1: '):
         run_sweep(read, tmp_path / 'x.parquet', scheduler='tcp://127.0.0.1:1')
 

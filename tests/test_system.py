@@ -12,9 +12,9 @@ from traction_node.running_system import RunningSystem
 from traction_node.topics import topics
 
 TOPICS = topics()
-# Who speaks in a running simulation: it has no satellite receiver.
+# Publishers in a running simulation, which has no satellite receiver.
 SPEAKERS = {'plant', 'all', *(node.name for node in system(simulated=True))}
-# Everything of theirs but what only a fault or an operator causes.
+# Their topics, except those of faults and operators.
 RATES = {
     name: row.rate
     for name, row in TOPICS.items()
@@ -24,7 +24,7 @@ RATES = {
 
 @pytest.fixture(scope='module')
 def running():
-    """The simulated tractor, driving; a light draft, so that it gets under way at once."""
+    """Driving simulated tractor with a light draft, for a fast start."""
     nodes = system(
         simulated=True,
         parameters={

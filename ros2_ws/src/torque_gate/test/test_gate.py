@@ -1,4 +1,4 @@
-"""The torque gate: each bad command, each limit, and what must hold whatever comes."""
+"""Torque gate: invalid commands, limits, and invariants under random input."""
 
 import math
 
@@ -26,7 +26,7 @@ def make_gate(**changes) -> TorqueGate:
 
 
 def passing_gate(efforts=(1000.0, 1000.0)) -> TorqueGate:
-    """A gate that puts out `efforts` at t = 0, stamp 100 s."""
+    """Gate with the output `efforts` at t = 0, stamp 100 s."""
     gate = make_gate()
     gate.measured(0.0, 0.0, WHEELS, efforts)
     assert gate.command(0.0, 100.0, WHEELS, efforts)
@@ -105,7 +105,7 @@ def test_command_much_older_than_the_wheel_states_is_stale():
     assert gate.reason.endswith('stamp is 4.990 s older than the wheel states')
     assert gate.rejected['stale'] == 1
     assert gate.command(0.02, 104.9, WHEELS, [1000.0, 1000.0])
-    # Wheel states that have stopped say nothing about the age of commands any more.
+    # Old wheel states are no reference for the age of commands.
     assert gate.command(0.11, 104.91, WHEELS, [1000.0, 1000.0])
 
 

@@ -1,4 +1,4 @@
-"""The torque gate as a process: commands in, torques out, and what it says about them."""
+"""Torque gate as a process: commands, torques and diagnostics."""
 
 import math
 import time
@@ -21,7 +21,7 @@ PARAMETERS = {
 
 
 class Gate:
-    """A gate with somebody who commands it and somebody who listens."""
+    """Gate with a publisher of commands and a subscriber of torques."""
 
     def __init__(self, probe):
         self.probe = probe
@@ -70,7 +70,7 @@ def test_passes_commands_then_goes_to_the_safe_torque_and_recovers(gate):
     assert gate.torques[-1].header.stamp.sec == 100
     stopped = time.monotonic()
     gate.probe.wait_for(lambda: gate.efforts == [0.0, 0.0], 1.0, 'the safe torque')
-    # The promise is 0.2 s; what is more is for this process to notice.
+    # The limit is 0.2 s; the rest is for the delay of this process.
     assert time.monotonic() - stopped < 0.3
     status = gate.probe.wait_for_diagnostic('torque_gate', 'no good command for 0.1 s')
     assert status.level == b'\x02'
@@ -136,7 +136,7 @@ def test_emergency_stop_by_service_and_by_topic(gate):
     assert answer.success
     assert answer.message == 'emergency stop: at 0 N·m until released by service'
     gate.probe.wait_for(lambda: gate.efforts == [0.0, 0.0], 1.0, 'the safe torque')
-    # A gate that is configured anew does not forget it, and does not pass commands.
+    # A new configuration keeps the stop: no command passes.
     for transition in ('deactivate', 'cleanup', 'configure', 'activate'):
         assert gate.probe.change_state('torque_gate', transition)
     heard = len(gate.torques)

@@ -1,4 +1,4 @@
-"""The drive cycle as a process: what it waits for, and says so."""
+"""Drive cycle as a process: waits for subscribers and reports it."""
 
 from sensor_msgs.msg import JointState
 

@@ -1,4 +1,4 @@
-"""The one description of the system, and what launch files and runner make of it."""
+"""Description of the system, for launch files and runner."""
 
 import importlib.util
 import sys
@@ -48,7 +48,7 @@ def test_with_a_bus_nothing_but_frames_goes_between_tractor_and_suite(controlled
         assert nodes['plant_node'].remappings[name] == f'tractor/{name}'
         assert nodes['tractor_ecu'].remappings[name] == f'tractor/{name}'
         assert name not in nodes['can_bridge'].remappings
-    # The driver's pedal is what the drive cycle asks for, wherever that goes.
+    # The driver's pedal is the request of the drive cycle, on whatever topic.
     asked = nodes['drive_cycle'].remappings.get('torque_request')
     assert nodes['tractor_ecu'].remappings.get('torque_request') == asked
     assert nodes['drive_cycle'].parameters['listeners'] == 2
@@ -98,7 +98,7 @@ def test_ones_own_file_overrules_the_shipped_ones(tmp_path):
         assert 'cannot change' in running.probe.set_parameter('slip_estimator', 'soil', 'dry_sand')
         request = GetParameters.Request(names=['soil', 'vehicle'])
         values = running.probe.call(GetParameters, 'slip_estimator/get_parameters', request).values
-    # The shipped file still gives what one's own does not.
+    # Other values still come from the shipped file.
     assert [value.string_value for value in values] == ['lete_sand', 'tractor_4wd']
     with pytest.raises(ValueError, match='no such parameter file'):
         system(simulated=False, parameter_file=tmp_path / 'nowhere.yaml')
@@ -112,7 +112,7 @@ def test_a_node_that_ends_at_start_is_named_with_what_it_said():
 
 @pytest.fixture
 def launch_modules(monkeypatch):
-    """Stand-ins that keep what they are given, where `ros2 launch` is not installed."""
+    """Stand-ins that record their arguments, used without `ros2 launch`."""
 
     class Kept:
         def __init__(self, *args, **kwargs):

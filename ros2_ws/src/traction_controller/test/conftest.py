@@ -39,7 +39,7 @@ class LinearWheels:
         self.power = np.inf
 
     def advance(self, torques):
-        # Slip is driven by what torque exceeds the steady moment of the soil by.
+        # Torque above the steady moment of the soil changes the slip.
         torques = np.minimum(torques, self.power)
         if self.locked:
             torques = np.repeat(torques.reshape(2, 2).mean(axis=1), 2)

@@ -1,4 +1,4 @@
-"""What all control laws have in common, and how they are made."""
+"""Common properties of all control laws, and their construction."""
 
 import math
 
@@ -36,7 +36,7 @@ def laws():
 
 
 def told_of(slip, shaft=3000.0, rim=2.0):
-    # In steady motion the thrust is what the shaft's torque makes of it.
+    # Gross traction of steady motion under the shaft torque.
     return WheelState(slip, rim, rim * (1 - slip), 4 * LOAD, shaft / REAR.radius, shaft)
 
 

@@ -1,4 +1,4 @@
-"""The slip controller as a process: what it commands to what it hears, and how it can be set."""
+"""Slip controller as a process: commands for estimates and requests, and parameters."""
 
 import math
 from pathlib import Path
@@ -32,7 +32,7 @@ def controller(namespace='', **params):
 
 
 class Tractor:
-    """What a controller hears: requests, slips; waits for its answer to each slip."""
+    """Publisher of requests and slips; waits for the command after each slip."""
 
     def __init__(self, probe):
         self.probe = probe
@@ -72,7 +72,7 @@ class Tractor:
         return self.commands[-1], self.states[-1]
 
     def ask(self, torque):
-        """Request a torque until the controller has heard it."""
+        """Request a torque until the controller has received it."""
 
         def heard():
             self.request([torque] * 4)
@@ -90,7 +90,7 @@ class Tractor:
 @pytest.fixture(scope='module')
 def field():
     """Probe of an active controller in a namespace, as other tests start their own."""
-    # A law of slip alone: the estimates below say nothing of thrust.
+    # A law of slip alone, since the estimates below have no gross traction.
     with controller('field', autostart=True, law='lqi'), Probe('field') as probe:
         probe.diagnostics(f'field/{NODE}')
         probe.wait_for_diagnostic(f'field/{NODE}', 'waiting for slip_estimate')
@@ -308,7 +308,7 @@ def test_law_lpv_with_the_table_of_the_vehicle():
     tractor_4wd = load_vehicle('tractor_4wd')
     share = Path(get_package_share_directory('traction_controller'))
     tables = read_gain_table(share / 'config' / 'gains' / 'tractor_4wd.yaml', tractor_4wd, 0.01)
-    # Until the terrain is known, stiffness counts as 5 static loads.
+    # Initial slip stiffness: 5 static loads.
     gains = [
         # On slip and torque; this law has no integral.
         [*tables[name].at(2.0, 5.0 * float(load))[:2], 0.0]
@@ -324,7 +324,7 @@ def test_law_lpv_with_the_table_of_the_vehicle():
         found = zip(state.slip_gain, state.torque_gain, state.integral_gain, strict=True)
         assert list(map(list, found)) == [pytest.approx(list(row)) for row in gains]
         assert all(0.0 < torque <= 3000.0 for torque in command.effort)
-        # Stiffness of every slip estimate counts at once: 100 times a second.
+        # The stiffness of every slip estimate is used, 100 times a second.
         for k in range(20):
             stiffness = [(2.0 + 0.1 * k) * float(load) for load in tractor_4wd.static_loads()]
             tractor.request([3000.0] * 4)
@@ -360,7 +360,7 @@ def test_gross_traction_of_every_slip_estimate_counts_at_once(tractor, field):
     tractor_4wd = load_vehicle('tractor_4wd')
     share = Path(get_package_share_directory('traction_controller'))
     tables = read_gain_table(share / 'config' / 'gains' / 'tractor_4wd.yaml', tractor_4wd, 0.01)
-    # Until the terrain is known, stiffness counts as 5 static loads.
+    # Initial slip stiffness: 5 static loads.
     sums = [
         1.0 + sum(tables[name].at(2.0, 5.0 * float(load))[1:])
         for name, load in zip(WHEELS, tractor_4wd.static_loads(), strict=True)
@@ -372,7 +372,7 @@ def test_gross_traction_of_every_slip_estimate_counts_at_once(tractor, field):
         after = step()
         moved = [0.0] * 4
         moved[wheel] = 500.0 * radii[wheel] * sums[wheel]
-        # Besides, it goes on towards its end, by less than 1 N·m a step.
+        # In addition it moves towards its final value, by less than 1 N·m per step.
         assert [a - b for a, b in zip(after, before, strict=True)] == pytest.approx(moved, abs=1.0)
         for _ in range(200):
             before = step()
@@ -400,7 +400,7 @@ def test_set_point_from_the_estimated_soil():
     vehicle, soil = load_vehicle('tractor_4wd'), load_soil('sandy_loam_chrono')
     stress = (2 * SlipFilter(vehicle, soil).max_shear_stress).tolist()
     seeker = SetPoint(vehicle, soil)
-    # The front wheels' modulus is not known.
+    # The modulus of the front wheels is unknown.
     modulus = [math.nan, math.nan, 0.04, 0.03]
     seeker.update(1.0, 0.2, stress, [True] * 4, modulus)
     with controller('seek', autostart=True, **params), Probe('seek') as probe:
@@ -417,7 +417,7 @@ def test_set_point_from_the_estimated_soil():
             terrain.publish(message)
 
         tractor.step(0.1)
-        # Nothing is known as long as no estimate is valid.
+        # No soil is known before the first valid estimate.
         estimate(valid=[False] * 4)
         assert tractor.step(0.1)[1].target_source == TargetSource.PARAMETER
 
@@ -434,7 +434,8 @@ def test_set_point_from_the_estimated_soil():
             return sought() == pytest.approx(seeker.goal, abs=1e-3)
 
         probe.wait_for(arrived, 5.0, f'target of {seeker.goal}')
-        # A target by topic is kept for when none is sought, but refused if it is none.
+        # A target by topic is stored while a set-point is active, and rejected if it is out of
+        # range.
         probe.publisher('slip_target').publish(Float64(data=1.5))
         probe.wait_for_diagnostic(f'seek/{NODE}', 'refused: slip target must be')
         probe.publisher('slip_target').publish(Float64(data=0.3))
@@ -473,7 +474,7 @@ def test_bad_message_is_named_and_passed_over(tractor, field, send, reason):
     status = field.wait_for(named, 5.0, f'"{reason}" in the diagnostics')[-1]
     assert status.level == bytes([diagnostic.ERROR])
     assert len(tractor.commands) == before
-    # What was heard before still holds.
+    # Earlier input is still used.
     tractor.request([2000.0] * 4)
     command, state = tractor.run(5, 0.05, 2000.0)
     assert all(math.isfinite(torque) for torque in command.effort)

@@ -1,4 +1,4 @@
-"""The slip estimator as a process: lifecycle, topics, sensors, bad input, silence, clock."""
+"""Slip estimator as a process: lifecycle, topics, sensors, bad input, dropouts, clock."""
 
 import math
 
@@ -34,7 +34,7 @@ def torque_for(soil, slip):
     return wheel.radius * float(figures.gross_traction)
 
 
-# What the nominal soil answers with that slip.
+# Torque of the nominal soil at that slip.
 TORQUE = torque_for(SAND, SLIP)
 
 
@@ -44,7 +44,7 @@ def estimator(namespace='', **params):
 
 
 class Drive:
-    """Feeds a running estimator one message at a time and waits for what it says to it."""
+    """Publisher of one message at a time; waits for the estimate after it."""
 
     def __init__(self, probe, t=100.0, names=('wheel',)):
         self.probe = probe
@@ -158,7 +158,7 @@ def test_terrain_and_odometry_come_at_their_rates(drive, field):
     assert list(terrain[-1].gross_traction) == pytest.approx([TORQUE / 0.5], rel=1e-3)
     assert odometry[-1].child_frame_id == 'base_link'
     driven = odometry[-1].pose.pose.position.x - odometry[0].pose.pose.position.x
-    # The estimated speed summed up, less what lies beyond the first and last odometry: 0.02 s.
+    # Integral of the estimated speed, less 0.02 s before the first and after the last odometry.
     path = sum(0.01 * estimate.ground_based_speed for estimate in drive.estimates[first:])
     assert driven == pytest.approx(path, abs=0.03)
     assert odometry[-1].pose.covariance[0] > odometry[0].pose.covariance[0] > 0.0
@@ -170,9 +170,9 @@ def test_slip_from_radar_and_without(drive, field):
     assert estimate.slip[0] == pytest.approx(SLIP, abs=0.01)
     assert estimate.source == Source.BLENDED
     estimate = drive.run(60, radar=None)
-    # Silent for longer than radar_timeout, 0.5 s.
+    # No radar for longer than radar_timeout, 0.5 s.
     assert estimate.source == Source.WHEEL
-    # The torque alone tells the same.
+    # Torque alone gives the same slip.
     assert estimate.slip[0] == pytest.approx(SLIP, abs=0.01)
     status = field.wait_for_diagnostic(f'field/{NODE}', 'radar silent: slip rests on shaft torque')
     assert status.level == bytes([diagnostic.WARN])
@@ -217,7 +217,7 @@ def test_bad_message_is_named_and_passed_over(drive, field, send, reason):
     status = field.wait_for(lambda: said(reason), 5.0, f'"{reason}" in the diagnostics')[-1]
     assert status.level == bytes([diagnostic.ERROR])
     assert len(drive.estimates) == count
-    # Goes on as before, and says so.
+    # It continues as before and reports it.
     seen = len(field.diagnostics(f'field/{NODE}'))
     estimate = drive.run(20)
     assert estimate.slip[0] == pytest.approx(before.slip[0], abs=0.01)
@@ -237,7 +237,7 @@ def test_clock_that_jumps_back_starts_anew(drive, node):
     estimate = drive.step()
     node.wait_for_output('time jumped back by 51.99')
     assert seconds(estimate.header.stamp) == pytest.approx(50.01)
-    # As at the first message: speed not known better than torque tells it, no radar yet.
+    # As at the first message: speed from torque alone, no radar yet.
     assert estimate.ground_based_speed_variance > 4 * known
     assert estimate.source == Source.WHEEL
     assert drive.run(100).slip[0] == pytest.approx(SLIP, abs=0.01)
@@ -351,7 +351,7 @@ def test_odometry_covariance_grows_with_slip():
         # tenth of the slip for all the way, which adds up as it is.
         drive.run(300)
         covariance = pose_covariance()
-        # One wheel tells no yaw.
+        # Yaw cannot be observed with one wheel.
         assert covariance[1, 1] == covariance[5, 5] == UNOBSERVED
         estimates = drive.estimates[1 : 1 + round((seconds(
             odometry[-1].header.stamp) - 100.01) / 0.01)]  # fmt: skip

@@ -1,4 +1,4 @@
-"""Certificates and gain tables: what they promise is checked, what was changed is refused."""
+"""Certificates and gain tables: checks of the guarantee, rejection of changed files."""
 
 import math
 import timeit
@@ -197,7 +197,7 @@ def test_gains_outside_are_those_at_the_edge(certificate):
     assert table.at(2.0, 1e9) == table.at(2.0, 6.0 * 4905.0)
     assert table.at(0.0, 1e4) == table.at(2.0, 1e4)
     assert table.at(-2.2, 25000.0) == table.at(2.2, 25000.0)
-    # Past the peak of a thrust curve, or where nothing is known: the least gains.
+    # Negative or unknown stiffness: smallest gains.
     assert table.at(2.2, -1e4) == table.at(2.2, math.nan) == table.at(2.2, 0.0)
 
 

@@ -14,7 +14,7 @@ DT = 0.1
 
 
 def drive(track, speeds, rims=None, shifts=None, noise=0.0, seed=1, heading=0.3, dt=DT):
-    """Feed fixes of a straight drive, and return what the track says after each."""
+    """Feed fixes of a straight drive; returns the output of the track after each."""
     random = np.random.default_rng(seed)
     along = np.array([math.cos(heading), math.sin(heading)])
     travelled, said = 0.0, []
@@ -94,7 +94,7 @@ def test_variance_of_the_speed_is_honest():
 
 
 def test_readings_are_independent_of_each_other():
-    """Another filter of the same walk, fed with them, is as honest; with speeds it is not."""
+    """A second filter with readings has the right covariance; with speeds it has not."""
     noise = GnssNoise()
     walk = math.hypot(noise.acceleration, noise.manoeuvre * 2.0) ** 2 * DT
     inside, count = {'reading': 0, 'speed': 0}, 0
@@ -151,7 +151,7 @@ def test_a_jump_that_stays_is_no_way_travelled(lasting, angle):
     rows = dict.fromkeys(range(30, 30 + lasting), jump)
     travelled, said = drive(track, [1.2] * 150, [1.2] * 150, rows, noise=0.005)
     assert not said[30, 0]
-    # It goes on from there within a second, back again too where the jump ends.
+    # It restarts from there within a second, also at the end of the jump.
     if lasting >= 10:
         assert np.all(said[40 : 30 + lasting, 0] == 1)
         assert track.rebased == 2
@@ -303,7 +303,7 @@ def test_rim_travel_by_hand():
     travel.add(3.0, 3.0)
     assert travel.at(1.0) - travel.at(0.0) == pytest.approx(1.0)
     assert travel.at(3.0) - travel.at(1.0) == pytest.approx(4.0)
-    # It turns on for a while, then nothing is known; nor of what is long past.
+    # Extrapolated for a short time, then NaN; also NaN long before.
     assert travel.at(3.2) - travel.at(3.0) == pytest.approx(0.6)
     assert math.isnan(travel.at(4.0))
     travel.add(3.5, 3.0)

@@ -1,4 +1,4 @@
-"""Warning before a vehicle is stuck: in time where it stalls or digs in, silent where not."""
+"""Warning of immobilisation: in time for stalling and digging in, no false alarms."""
 
 import math
 
@@ -30,7 +30,7 @@ def watch(vehicle):
 
 
 def drive_into_soft_patch(torque, pull, start, estimated):
-    """Drive the tractor from loam into a soft patch under torque that goes on, draft steady.
+    """Drive the tractor from loam into a soft patch at constant torque and draft.
 
     Returns (time, ground speed, level, reason, time left) of every 10 ms until 2 s after it
     stands, and when that is.
@@ -104,21 +104,21 @@ def test_digging_in_is_told_from_stalling():
 
 
 def test_no_warning_where_the_soft_patch_is_passed():
-    # The same torque, half the draft: it slows down from 3.7 to 2.3 m/s and goes on.
+    # Same torque, half the draft: the speed falls from 3.7 to 2.3 m/s, without standstill.
     rows, stood = drive_into_soft_patch((1500, 1500, 5200, 5200), 5500.0, 12.0, True)
     assert math.isinf(stood)
     assert {level for _, _, level, _, _ in rows} == {Level.NONE}
 
 
 class Wheel:
-    """One wheel of 0.5 m under 10 kN, told what it does."""
+    """Warning for one wheel of 0.5 m under 10 kN, with given motion."""
 
     def __init__(self, **limits):
         self.warning = Immobilisation([0.5], 10e3, WarningLimits(**limits))
         self.t = 0.0
 
     def on(self, seconds, v, rim, torque=1000.0, mobilised=math.nan, sinkage=math.nan):
-        """Go on for a while; v, rim and sinkage are values or (start, end)."""
+        """Continue for a time; v, rim and sinkage are values or (start, end)."""
         levels = []
         for share in np.linspace(0.0, 1.0, round(seconds * 100)):
             self.t += 0.01

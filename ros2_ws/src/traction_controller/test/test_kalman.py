@@ -36,7 +36,7 @@ def measure(method, x, p, function, entries, steps, measured, variance):
 
 
 def linear_case(seed):
-    """A stable linear system of five states, of whose third row measurements see two or three."""
+    """Stable linear system of five states with measurements of two or three of them."""
     random = np.random.default_rng(seed)
     transition = random.standard_normal((M, M))
     transition *= 0.98 / np.abs(np.linalg.eigvals(transition)).max()
@@ -143,7 +143,7 @@ def test_entry_known_exactly_has_no_part_in_a_measurement():
         assert np.diag(p) == pytest.approx([0.0, 1 - 25 / 28])
 
 
-def test_forget_keeps_the_rest():
+def test_reset_entry_keeps_the_rest():
     p = np.arange(9.0).reshape(3, 3)
     reset_entry(p, 1, 7.0)
     assert p.tolist() == [[0, 0, 2], [0, 7, 0], [6, 0, 8]]

@@ -21,7 +21,7 @@ LOAD = float(TRACTOR.static_loads()[3])
 
 
 class Table:
-    """Gains that are the same everywhere, and what they were asked for."""
+    """Constant gains that record the operating points of their calls."""
 
     def __init__(self, gains):
         self.gains = tuple(gains)

@@ -109,7 +109,7 @@ def test_lqr_costs_what_the_riccati_equation_says(known):
         effort = design.effort**2 * design.period * design.response_time
         _, riccati, _ = control.dlqr(A, B, weights + 1e-12 * np.eye(len(A)), [[effort]])
         best = max(float(column @ riccati @ column) for column in E.T)
-        # Above it by what the moment that is not seen costs, and by the margins kept.
+        # Above it because of the unmeasured moment and the margins.
         assert best < known.performance[k] < 1.6 * best
 
 

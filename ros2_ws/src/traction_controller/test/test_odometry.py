@@ -144,7 +144,7 @@ def test_yaw_that_is_not_observed_is_told_so():
     covariance = odometry.covariance
     assert covariance[1, 1] == covariance[2, 2] == UNOBSERVED
     assert covariance[0, 0] == odometry.variance
-    # It stays so: where it points is not known any more.
+    # It stays so, as the heading is unknown from here on.
     odometry.advance(1.0, 2.0, 0.01, yaw_rate=0.1, yaw_rate_variance=1e-4)
     assert odometry.covariance[2, 2] == UNOBSERVED
 

@@ -1,4 +1,4 @@
-"""What no wheel can do, and what it can: slip, shocks, standing still."""
+"""Plausibility: impossible readings are rejected; slip, shocks and standstill are accepted."""
 
 import math
 
@@ -14,7 +14,7 @@ PULL = [0.3 * load * radius for load, radius in zip(TRACTOR.static_loads(), RADI
 
 
 class Drive:
-    """A tractor at 2 m/s and 20 % slip whose readings never repeat themselves."""
+    """Readings of a tractor at 2 m/s and 20 % slip, never equal twice."""
 
     def __init__(self, **settings):
         self.check = Plausibility(TRACTOR, **settings)
@@ -22,7 +22,7 @@ class Drive:
         self.steps = 0
 
     def read(self, scale=(1.0, 1.0, 1.0, 1.0), pull=1.0, stuck=(), v=V):
-        """One reading; the reason why it is refused, or empty."""
+        """Check one reading; returns the reason of a rejection, or an empty text."""
         self.steps += 1
         self.t += 0.01
         ripple = 1.0 + 0.01 * math.sin(0.7 * self.steps)
@@ -63,7 +63,7 @@ def test_a_driving_wheel_slower_than_the_ground_is_refused(drive, wheels):
 
 
 def test_wheels_that_brake_or_roll_may_be_slower(drive):
-    # Within what the ground can do: down by 2 % a reading.
+    # Possible on the ground: a decrease by 2 % per reading.
     for k in range(100):
         assert drive.read(scale=(0.98**k,) * 4, pull=-0.5) == ''
 
@@ -133,7 +133,7 @@ def test_refusal_ends_when_the_vehicle_stands(drive):
     assert drive.read(scale=(10.0,) * 4)
     drive.check.speed('radar', drive.t, 1.0)
     assert drive.last(20, scale=(0.0,) * 4, pull=0.0, v=0.0)
-    # The radar says so too, or is silent.
+    # The radar agrees, or has no reading.
     assert drive.last(100, scale=(0.0,) * 4, pull=0.0, v=0.0) == ''
 
 

@@ -1,4 +1,4 @@
-"""Calibration of a vehicle's radii: which source it takes, and what breaks a measurement off."""
+"""Calibration of a vehicle's radii: choice of the source, and ends of a measurement."""
 
 import math
 
@@ -12,7 +12,7 @@ from traction_model.vehicle.vehicle import load_vehicle
 
 TRACTOR = load_vehicle('tractor_4wd')
 NOMINAL = np.array([wheel.radius for wheel in TRACTOR.wheels])
-# What really rolls: less in front, more behind.
+# True radii: smaller in front, larger behind.
 TRUE = NOMINAL * [0.95, 0.95, 1.04, 1.04]
 
 
@@ -26,7 +26,7 @@ class Drive:
         self.t = self.x = 0.0
 
     def on(self, seconds, v=3.0, effort=0.05, radar=None, velocity=None, fixes=False):
-        """Drive on; speeds are told times the factor given, if at all."""
+        """Continue the drive; sensors have the given scale factors, None: no reading."""
         thrust = effort * TRACTOR.static_loads()
         for k in range(round(seconds * 100)):
             self.t += 0.01
@@ -36,7 +36,7 @@ class Drive:
             if k % 10:
                 continue
             if fixes:
-                # Measured now, stamped later: that is what the track takes out again.
+                # Measured now, stamped later; the track compensates this latency.
                 self.track.fix(self.t + self.latency, [self.x, 0.0])
                 self.calibration.fix(self.track)
             if velocity:
@@ -56,7 +56,7 @@ def test_every_source_finds_the_radii(sources):
 
 
 def test_better_source_counts_and_a_worse_one_once_it_is_silent():
-    # A radar that says 2 % too much, beside a satellite receiver.
+    # A radar with a scale error of 2 %, and a satellite receiver.
     drive = Drive()
     calibration = drive.on(15.0, velocity=1.0, radar=1.02)
     assert calibration.radius == pytest.approx(TRUE, rel=0.003)
@@ -93,7 +93,7 @@ def test_latency_of_positions_does_not_matter():
 def test_wheels_that_were_silent_leave_no_wrong_radius(gap):
     drive = Drive()
     known = drive.on(15.0, radar=1.0).radius.copy()
-    # The vehicle goes on, unseen by its wheels.
+    # The vehicle moves on without readings of the wheels.
     drive.t += gap
     drive.x += 3.0 * gap
     calibration = drive.on(5.0, radar=1.0)

@@ -1,4 +1,4 @@
-"""Calibration of the rolling radius: what it finds, and what must not mislead it."""
+"""Calibration of the rolling radius: accuracy, and robustness against slip and faults."""
 
 import math
 
@@ -59,7 +59,7 @@ def test_converges_from_a_wrong_start(nominal):
 
 
 def test_its_variance_is_honest():
-    """Noise as stated, slip as stated (alike over a drive): errors within 2 sigma for 95 %."""
+    """With the stated noise and slip (constant over a drive) 95 % of errors are within 2 sigma."""
     inside = 0
     for seed in range(200):
         slip = 0.004 * np.random.default_rng(1000 + seed).standard_normal()
@@ -68,7 +68,7 @@ def test_its_variance_is_honest():
         drive.on(12.0, slip=slip)
         error = drive.calibration.scale[0] - 0.85 / 0.8
         inside += abs(error) <= 2 * math.sqrt(drive.calibration.scale_variance[0])
-    # Neighbouring measurements share an end, whose error cancels: not more than 99 % holds.
+    # Errors of common ends of measurements cancel, so up to 99 % are within.
     assert inside >= 0.92 * 200
 
 

@@ -16,10 +16,10 @@ from traction_model.vehicle.vehicle import load_vehicle
 TRACTOR = load_vehicle('tractor_4wd')
 LOAM = load_soil('sandy_loam_chrono')
 K = LOAM.shear_deformation_modulus
-# What the estimator takes the nominal soil's strength to be, so that both mean the same.
+# Strength of the nominal soil as defined in the estimator.
 NOMINAL = SlipFilter(TRACTOR, LOAM).max_shear_stress
 ALL = [True] * 4
-# Bounds as wide as they go, so that goals can be told.
+# Widest bounds, so that goals differ.
 SEEKER = SetPoint(TRACTOR, LOAM, low=0.01, high=0.6)
 
 
@@ -38,7 +38,7 @@ def test_best_efficiency_is_that_of_the_contact_form(strength, modulus):
 
 
 def test_most_pull_is_that_of_the_contact_form():
-    # Pull still rises with slip at the end of what may be sought.
+    # Net traction still rises with slip at the upper bound.
     assert greatest_pull_slip(LOAM, TRACTOR) > 0.6
     assert goal(weight=1.0) == pytest.approx(0.6)
 
@@ -54,7 +54,7 @@ def test_weight_is_between(weight):
 
 
 def test_every_wheel_has_its_soil():
-    # A strong left track and a weak right one: between what either asks for.
+    # Firm left and soft right track: a goal between those of both.
     strong, weak = goal(2.0), goal(0.5)
     SEEKER.reset()
     SEEKER.update(1.0, 0.2, (NOMINAL * [2.0, 0.5, 2.0, 0.5]).tolist(), ALL)
@@ -62,7 +62,7 @@ def test_every_wheel_has_its_soil():
 
 
 def test_only_what_is_known_counts():
-    # The right wheels' estimates are wrong and say so.
+    # The estimates of the right wheels are wrong and marked as invalid.
     stresses = (NOMINAL * [2.0, 0.1, 2.0, 0.1]).tolist()
     SEEKER.reset()
     SEEKER.set_weight(0.0)
@@ -87,7 +87,7 @@ def test_pace():
     assert seeker.update(0.0, 0.25, stresses, ALL) == 0.25
     # From 0.25 to about 0.14: at first the rate bounds it, 0.01 in a second.
     assert seeker.update(1.0, 0.25, stresses, ALL) == pytest.approx(0.24)
-    # Near the goal the lag does: what is left falls by exp(-1/2) in a second.
+    # Near the goal the lag dominates: the difference falls by exp(-1/2) in a second.
     for _ in range(20):
         seeker.update(1.0, 0.25, stresses, ALL)
     left = seeker.target - seeker.goal

@@ -1,4 +1,4 @@
-"""Slip control: what it promises, on a linear model and on soil."""
+"""Slip control on a linear model and on soil."""
 
 import math
 
@@ -93,7 +93,7 @@ def test_hold_reaches_its_target_on_the_linear_model(control, linear_wheels):
     wheels = linear_wheels()
     history = drive(control, wheels, 5.0)
     assert history[-1, 0] == pytest.approx([0.2] * 4, abs=1e-3)
-    # No more than a tenth of the step beyond it on the way.
+    # Overshoot at most a tenth of the step.
     assert np.max(history[:, 0]) < 0.22
     # And stays there when the soil takes 500 N·m more.
     wheels.load_torque = 500.0
@@ -154,7 +154,7 @@ def test_no_windup(control):
 
 
 def test_backward_request_is_forward_mirrored(control):
-    # Braking while rolling forward: slip and torque change their signs, what is done does not.
+    # Braking while rolling forward: slip and torque have opposite signs, control is the same.
     random = np.random.default_rng(1)
     slips = np.cumsum(random.normal(0, 0.02, 300))
     shafts = 2000 + 500 * random.standard_normal(300)
@@ -224,7 +224,7 @@ def test_leaving_control_at_low_speed_gives_the_request_back_bit_by_bit(control)
         outcome = step(control, 0.6, 3000.0, rims=0.2)[0]
         assert outcome.exit_reason is ExitReason.VEHICLE_SPEED_TOO_LOW
         torques.append(outcome.torque)
-    # The share of what is missing grows by 10 ms / 0.5 s a step: 2 % of 3000 N·m at first.
+    # Progress of the return grows by 10 ms / 0.5 s per step: 2 % of 3000 N·m at first.
     assert torques[0] == pytest.approx(60.0)
     assert torques == sorted(torques)
     assert torques[-1] == 3000.0

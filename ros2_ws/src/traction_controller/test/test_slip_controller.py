@@ -1,4 +1,4 @@
-"""Slip controller: what it takes in when, and that its parameters make the node's controller."""
+"""Slip controller: order and age of inputs, and construction from parameters."""
 
 import math
 from types import SimpleNamespace
@@ -29,7 +29,7 @@ def parameters(**changes):
 
 
 class Told(SlipLaw):
-    """A law that sends what balances the soil, and keeps all it was told."""
+    """Law with the torque against the soil; records its inputs."""
 
     velocity_form = False
 
@@ -128,7 +128,7 @@ def test_gross_traction_of_every_estimate_counts_at_once(made):
 
 
 def test_request_that_falls_silent(made):
-    # 0.5 s after it was heard it still counts.
+    # It is still used 0.5 s after its arrival.
     made.slip_estimate(0.0, 0.5, slip())
     assert made.request == [1.0] * 4
     outcomes = made.slip_estimate(0.01, 0.5 + 1e-3, slip())

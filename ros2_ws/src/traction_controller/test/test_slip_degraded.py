@@ -33,7 +33,7 @@ def control():
 
 
 def drive(control, wheels, seconds, *, lost=None, valid=(True,) * 4, **more):
-    """Drive the linear wheels without what is lost; slips and torques, a row every 10 ms."""
+    """Run the linear wheels with lost inputs; returns slips and torques, a row every 10 ms."""
     rows = []
     for _ in range(round(seconds / DT)):
         slips = wheels.slips
@@ -52,7 +52,7 @@ def drive(control, wheels, seconds, *, lost=None, valid=(True,) * 4, **more):
 
 @pytest.mark.parametrize(
     ('deviation', 'target'),
-    # By the deviation, by a half at most; not known: by a half.
+    # By the deviation, at most to half; unknown deviation: to half.
     [(0.0, 0.2), (0.03, 0.17), (0.1, 0.1), (0.5, 0.1), (None, 0.1)],
 )
 def test_without_radar_the_target_is_lower(control, linear_wheels, deviation, target):

@@ -84,7 +84,7 @@ def test_bad_reading_is_named_and_nothing_taken_in(bad, reason):
     with pytest.raises(ValueError, match=reason):
         bad(estimation)
     assert snapshot(estimation) == before
-    # And it goes on as if nothing had been.
+    # And it continues without a trace of it.
     other = driving()
     for e in (estimation, other):
         e.wheel_states(1.0, [2.0], [800.0])
@@ -100,7 +100,7 @@ def test_radar_jump_is_rejected_then_accepted():
         estimation.wheel_states(t, [2.0], [800.0])
         if k % 10 == 0:
             believed[round(t, 2)] = estimation.radar(t, 5.0, 0.0025)
-    # The third that says the same is believed, and so are all that follow.
+    # The third one in agreement is accepted, and all that follow.
     assert [t for t, taken in believed.items() if not taken] == [2.0, 2.1]
     assert estimation.v == pytest.approx(5.0, abs=0.2)
 
@@ -160,7 +160,7 @@ def test_radar_of_another_clock_is_refused_and_a_radar_alone_is_not_used():
     estimation = driving(1.0)
     with pytest.raises(ValueError, match=r'\+0\.610 s off the wheels in time'):
         estimation.radar(1.6, 0.9, 0.0025)
-    # 20 ms ahead is a clock's usual offset: taken in, and the wheels go on undisturbed.
+    # 20 ms ahead is a common clock offset: accepted, without effect on the wheels.
     assert estimation.radar(1.01, 0.9, 0.0025)
     estimation.wheel_states(1.0, [2.0], [800.0])
     alone = fresh()
@@ -249,7 +249,7 @@ def test_standstill_is_known_and_not_valid():
     assert estimation.v_valid
 
 
-def test_reset_forgets_everything():
+def test_reset_restores_the_initial_state():
     estimation = driving(2.0)
     estimation.reset()
     assert snapshot(estimation) == snapshot(fresh())
@@ -287,7 +287,7 @@ def test_other_rolling_radius_moves_rim_slip_and_thrust():
     assert other.rim_speed == pytest.approx([0.49 * omega])
     assert other.slip == pytest.approx([slip(other.v, 0.49 * omega)])
     assert other.gross_traction == pytest.approx(moment / 0.49)
-    # 2 % is more than what was learnt of the soil goes with.
+    # A change of 2 % resets the soil factors.
     assert other.max_shear_stress_variance > estimation.max_shear_stress_variance
     # A copy's radius is its own, and stays over a reset.
     assert estimation.rolling_radius.tolist() == [0.5]

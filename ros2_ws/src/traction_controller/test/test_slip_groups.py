@@ -1,4 +1,4 @@
-"""Groups of wheels: which slip counts, how torque is split, what is passed on at a change."""
+"""Groups of wheels: slip in use, division of torque, and transfer at a change of group."""
 
 from pathlib import Path
 
@@ -81,7 +81,7 @@ def test_open_differential_on_split_soil(control, linear_wheels, law):
 
 @pytest.mark.parametrize('law', LAWS)
 def test_locked_differential_on_split_soil(control, linear_wheels, law):
-    # Both wheels turn alike; their torque is that of the mean stiffness, 3 loads.
+    # Equal wheel speeds; their torque is that of the mean stiffness, 3 loads.
     control.set_law(law)
     control.set_driveline(Grouping.AXLE, Differential.LOCKED, 'all')
     wheels = linear_wheels(relative_stiffness=(2, 4, 2, 4), locked=True)
@@ -213,21 +213,21 @@ def test_no_overshoot_after_long_saturation(control, linear_wheels, law, groupin
         wheels.load_torque = 20000.0 - 0.15 * min(wheels.per_slip)
         slips, _ = run(control, wheels, 5.0)
         peaks.append(slips.max() - 0.2)
-    # No more than a tenth of the step of 0.2 beyond it.
+    # Overshoot at most a tenth of the step of 0.2.
     assert peaks[1] < 0.02
     assert peaks[1] < peaks[0] + 0.005
 
 
 @pytest.mark.parametrize('law', LAWS)
 def test_torque_that_is_not_delivered_is_not_remembered(control, linear_wheels, law):
-    # An engine that gives 1500 N·m, whatever is asked of it: slip stays below its target.
+    # An engine with at most 1500 N·m: slip stays below its target.
     control.set_law(law)
     wheels = linear_wheels(relative_stiffness=(4, 4, 4, 4))
     wheels.power = 1500.0
     _, torques = run(control, wheels, 20.0)
     for j, wheel in enumerate(TRACTOR.wheels):
         if law == 'lpv':
-            # Without a memory it asks for what slip is worth, steadily.
+            # Without integral action the command is constant.
             assert np.ptp(torques[-100:, j]) < 0.02 * torques[-1, j]
             continue
         # A tenth of what was sent and 2 % of load times radius may be missing, and a little
@@ -254,7 +254,7 @@ def test_torque_rate_is_kept_both_ways(linear_wheels):
         if k == 99:
             assert np.all(torques == [1000.0, 1000.0, 4000.0, 4000.0])
     assert np.all(before < 500.0)
-    # A request that goes is followed at once.
+    # The end of a request is followed at once.
     for _ in range(100):
         step(control, 0.05, 6000.0)
     assert [outcome.torque for outcome in step(control, 0.05, 100.0)] == [100.0] * 4

@@ -104,7 +104,7 @@ def test_slip_on_a_soft_patch_stays_at_its_target(law, mode):
 
 @pytest.mark.parametrize('law', LAWS)
 def test_without_shaft_torque(law):
-    # What was sent counts, after the lag: the same budget.
+    # The sent torque after the lag is used: same limit of the error.
     control = SlipControl(TRACTOR, 0.2, law=law, settings=settings(law))
     slips, _, _, _ = onto_the_patch(control, shaft=False)
     assert np.percentile(np.abs(slips - 0.2), 95) <= 0.03
@@ -112,7 +112,7 @@ def test_without_shaft_torque(law):
 
 @pytest.mark.parametrize('law', LAWS)
 def test_open_differentials_of_axles(law):
-    # Both wheels of an axle get one torque; both run on like soil, so both are at the target.
+    # Both wheels of an axle have equal torque and soil, so both are at the target.
     control = SlipControl(
         TRACTOR, 0.2, law=law, settings=settings(law), grouping=Grouping.AXLE
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The vehicle estimator: what its parts do together, time that jumps, sources that are refused."""
+"""Vehicle estimator: its parts together, jumps of time, rejected sources."""
 
 import copy
 import math
@@ -33,7 +33,7 @@ TORQUE = torque_for(SAND, SLIP)
 
 
 def parameters(**overrides):
-    """What the node has, with the shipped defaults, on the rig."""
+    """Parameters of the node with the shipped defaults, for the rig."""
     given = {'vehicle': 'single_wheel_rig', 'soil': 'paper_sand'} | overrides
     return SimpleNamespace(**resolve(SlipEstimatorBehaviour.PARAMETERS, given))
 
@@ -65,7 +65,7 @@ class Drive:
 
 @pytest.fixture
 def drive():
-    """The rig that has learnt its speed: 2 s on the nominal soil."""
+    """Rig with a known speed: 2 s on the nominal soil."""
     drive = Drive(estimator())
     drive.run(200)
     return drive
@@ -197,7 +197,7 @@ def test_speed_against_wheels_and_torque_is_not_believed(drive):
 def test_radar_below_its_least_speed_is_no_reading():
     drive = Drive(estimator(radar_min_speed=0.5))
     drive.run(100)
-    # Far off, but a radar that is blind there says nothing.
+    # Far off, but below the smallest speed of the radar.
     assert not drive.estimator.radar(drive.t, 0.01, 0.0025)
     assert drive.estimator.disbelieved == set()
     assert drive.estimator.health == (Health.OK, 'estimating')
@@ -218,7 +218,7 @@ def test_clock_set_back_starts_anew_and_slip_waits_for_a_speed(drive):
     # Of the jump there is no way.
     assert estimator.odometry.distance == distance
     # The filter has a slip, which could as well be speed.
-    # Torque tells it to 0.5 m/s within 2 s.
+    # From torque it is known to 0.5 m/s within 2 s.
     for _ in range(200):
         drive.step()
         assert estimator.time_jumped_back == 0.0
@@ -247,12 +247,12 @@ def test_gap_of_the_wheels_on_the_move_invalidates_slip_until_a_speed_comes(driv
 def test_vehicle_that_stands_after_a_gap_needs_no_speed(drive):
     drive.t += SlipFilter.LONGEST_GAP
     drive.step()
-    # Refused as a jump for a while, then known to stand.
+    # Rejected as a jump for a short time, then recognised as standstill.
     drive.omega = drive.torque = 0.0
     for _ in range(60):
         drive.step()
     assert not drive.estimator.valid.any()
-    # It pulls away without radar: as soon as the filter knows a slip, that is valid.
+    # Start without radar: slip is valid as soon as the filter has a valid one.
     drive.torque = TORQUE
     known = False
     for omega in np.linspace(0.0, OMEGA, 100):

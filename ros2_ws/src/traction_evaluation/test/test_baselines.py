@@ -1,4 +1,4 @@
-"""Baseline laws: what every law promises, and the gains of the scheduled PI."""
+"""Baseline laws: common properties, and the gains of the scheduled PI."""
 
 import math
 
@@ -36,7 +36,7 @@ def law(request):
 
 
 def state(slip, shaft=3000.0, rim=2.0):
-    # In steady motion the gross traction is what the shaft's torque makes of it.
+    # Gross traction of steady motion under the shaft torque.
     return WheelState(slip, rim, rim * (1 - slip), 4 * LOAD, shaft / REAR.radius, shaft)
 
 

@@ -66,7 +66,7 @@ def test_copy_goes_on_with_the_same_noise():
     driven(one, 0.5)
     two = copy.deepcopy(one)
     assert same(driven(one, 0.5), driven(two, 0.5))
-    # And is another one: what is done to it leaves the first alone.
+    # And it is independent: changes of the copy do not affect the first.
     before = one.drive()
     two.set_target(0.3)
     driven(two, 0.5)
@@ -75,7 +75,7 @@ def test_copy_goes_on_with_the_same_noise():
 
 @pytest.mark.parametrize(('delay', 'periods'), [(0.0, 0), (0.02, 2), (0.05, 5)])
 def test_torque_arrives_after_the_delay(delay, periods):
-    # No lag: shafts have what was sent `periods` samples ago, and before that nothing.
+    # No lag: shaft torque is the torque sent `periods` samples ago, and 0 before.
     rig = Plant(RIG, SAND, v0=2.0)
     each = ClosedLoop(rig, None, Sensors(), 1, delay=delay)
     shafts = []
@@ -158,7 +158,7 @@ def test_scenarios_do_what_they_say():
     for name, drive in drives.items():
         happens = SCENARIOS[name].happens
         assert drive.t[-1] == pytest.approx(SCENARIOS[name].duration - DT)
-        # Alike until it happens, but for the torque asked for; and all ask for too much.
+        # Equal until the disturbance, except for the request, which is always too large.
         if name != 'torque_steps':
             before = drive.t < happens
             assert np.array_equal(drive.v[before], drives['slope'].v[: before.sum()])

@@ -1,4 +1,4 @@
-"""Figures of a drive, on a drive whose figures are known."""
+"""Figures of a drive with known figures."""
 
 from pathlib import Path
 

@@ -18,7 +18,7 @@ def test_rover_radius_is_found(wrong):
     assert figures.found <= 40.0
     assert figures.radius == pytest.approx(field_data.ROVER_RADIUS, rel=0.01)
     assert figures.deviation <= 0.01 * field_data.ROVER_RADIUS
-    # What is found is no better known than it says.
+    # The error is consistent with the reported standard deviation.
     assert abs(figures.radius - field_data.ROVER_RADIUS) < 2 * figures.deviation
     assert abs(figures.slip_bias) < 0.01
     assert abs(figures.late_slip_bias) < 0.01
@@ -52,7 +52,7 @@ def test_jumps_that_stay_are_not_driven():
 def test_rover_odometry_beats_its_wheels():
     for wrong in (0.94, 1.06):
         figures = field_data.rover(FOLDER, wrong * field_data.ROVER_RADIUS)
-        # Half of what is left comes from before the radius was found.
+        # Half of the remaining error comes from the time before calibration.
         assert abs(figures.odometry_error) < 0.4 * abs(figures.uncompensated_error)
         assert abs(figures.odometry_error) < 2 * figures.odometry_deviation
 

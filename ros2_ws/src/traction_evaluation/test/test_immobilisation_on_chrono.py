@@ -1,4 +1,4 @@
-"""Warning of immobilisation on Chrono's runs, none of which gets stuck."""
+"""Warning of immobilisation on Chrono's runs, which have no immobilisation."""
 
 import math
 
@@ -15,7 +15,7 @@ from traction_model.vehicle.vehicle import GRAVITY
 @pytest.mark.parametrize('estimated', [False, True], ids=['true-speed', 'estimated-speed'])
 @pytest.mark.parametrize('name', sorted(CHRONO_RUNS))
 def test_silent_on_recorded_runs(name, estimated, chrono):
-    """None of Chrono's runs gets stuck, from standstill through soft patches to 56 m/s."""
+    """No warning in Chrono's runs, from standstill through soft patches to 56 m/s."""
     recording = chrono(name)
     vehicle = recording.vehicle
     warning = Immobilisation([w.radius for w in vehicle.wheels], vehicle.mass * GRAVITY)

@@ -44,5 +44,5 @@ def test_compensated_beats_wheels_on_recorded_runs(chrono, capsys):
             )
         assert abs(compensated) < 0.2 * abs(uncompensated)
         assert abs(compensated) < 2.5 * deviation
-        # Honest, not huge.
+        # Consistent, but not too large.
         assert deviation < 0.05 * true

@@ -16,7 +16,7 @@ DRAWBAR = Path(__file__).resolve().parents[4] / 'bags' / 'wheel_drawbar'
 
 
 def copy(path, prefixes=('',), topics=None):
-    """Write the first 4 s of a bag under one or more namespaces, only some topics if asked."""
+    """Write the first 4 s of a bag under one or more namespaces, optionally only some topics."""
     with BagReader(DRAWBAR) as bag, BagWriter(path, bag.custom_data) as writer:
         kept = {name: topic for name, topic in bag.topics.items() if not topics or name in topics}
         for prefix in prefixes:

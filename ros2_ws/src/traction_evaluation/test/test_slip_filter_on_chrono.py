@@ -1,4 +1,4 @@
-"""The slip filter on Chrono's runs: errors, what is claimed of them, soil, late readings."""
+"""Slip filter on Chrono's runs: errors, their covariance, soil, late readings."""
 
 import math
 
@@ -139,7 +139,7 @@ def test_shear_strength_of_a_soft_patch_within_three_seconds(chrono, name, enter
     # Nominal tau_max = c + (W/A)*tan(phi) gives W/A over the area that the estimate refers to.
     pressure = (estimation.max_shear_stress - nominal.cohesion) / math.tan(nominal.friction_angle)
     truth = np.array([patch.max_shear_stress(p) for p in pressure])
-    # The change is a quarter of tau_max, more than what is asked for.
+    # The change is a quarter of tau_max, above the limit of the error.
     assert np.all(truth < 0.8 * estimation.max_shear_stress)
     noise = np.random.default_rng(make_bags.SEEDS[name]).normal(0.0, RADAR_SIGMA, len(recording.t))
     last = recording.t[np.searchsorted(recording.x, entered)]

@@ -35,7 +35,7 @@ def test_sand_bed_is_fitted_within_a_twentieth_of_the_load(sand_bed):
     assert rms(np.concatenate(tested)) < 0.05
     for of_wheel in tested:
         assert rms(of_wheel) < 0.05
-    # The published soil, whose strength acts in full, pulls far more than was measured.
+    # The published soil with full strength has far more pull than measured.
     assert rms(np.concatenate(unfitted)) > 5 * rms(np.concatenate(tested))
 
 

@@ -46,7 +46,7 @@ def test_the_loop_gives_the_torques_of_the_replay(tmp_path):
             elif each.topic == '/radar':
                 loop.radar(t, message.twist.twist.linear.x, message.twist.covariance[0])
             else:
-                # Without a torque_request in the bag, what was commanded counts as asked for.
+                # Without a torque_request in the bag, the commanded torque is the request.
                 loop.torque_request(steady, message.effort.tolist())
     assert len(found) == 801
     stamps = sorted(found.keys() & replayed.keys())

@@ -23,7 +23,7 @@ END = 10.0
 
 
 def drive(slip, target=None):
-    """A drive of two wheels whose slip is given."""
+    """Drive of two wheels with given slip."""
     t = DT * np.arange(round(END / DT))
     k = np.ones_like(t)
     slips = np.broadcast_to(np.asarray(slip, dtype=float), (2, len(t))).T.copy()
@@ -179,7 +179,7 @@ def test_oscillation_is_not_stable():
 
 @pytest.fixture(scope='module')
 def driven():
-    # Ordinary soil, no noise to speak of, a law that is known to hold it.
+    # Ordinary soil, small noise, and a law that holds slip there.
     draw = trial.TrialDraw(
         strength=1.0, shear_deformation_modulus=1.0, sinkage_exponent=1.0, mass=1.0, lag=0.2,
         speed=2.0, pulses_per_turn=4000.0, radar_noise=0.01, radar_latency=0.0,

@@ -1,4 +1,4 @@
-"""The contact form against Chrono: what `make verify` prints, held as tests."""
+"""Contact form against Chrono: the limits of `make verify` as tests."""
 
 import lzma
 import math

@@ -1,4 +1,4 @@
-"""Diagnostics: what counts as news, and how values read."""
+"""Diagnostics: detection of changes, and texts of values."""
 
 from traction_node.diagnostic import OK, WARN, Diagnostic, text
 

@@ -1,4 +1,4 @@
-"""Parameters: what a table accepts, and what it says when it does not."""
+"""Parameters: accepted values, and errors."""
 
 import pytest
 from hypothesis import given

@@ -1,4 +1,4 @@
-"""Parameter files: numbers, namespaces, wildcards, and what is wrong with them."""
+"""Parameter files: numbers, namespaces, wildcards, and errors."""
 
 import pytest
 
@@ -73,7 +73,8 @@ def test_what_is_for_one_node(tmp_path):
     path = tmp_path / 'robot.yaml'
     path.write_text(FILE)
     known = ['timeout', 'filter.cutoff']
-    # By name overrules for any, wherever in the file it stands; machine_id is not the gate's.
+    # Values by name override values for any node, in any order; machine_id is no parameter of the
+    # gate.
     assert node_parameters(path, '/gate', known) == {'timeout': 0.1, 'filter.cutoff': 20.0}
     assert node_parameters(path, '/tractor1/gate', known) == {'timeout': 0.3, 'filter.cutoff': 5}
     assert read_parameters(path) == {

@@ -60,7 +60,7 @@ def test_signal_ends_an_unconfigured_node_cleanly(probe):
     with sample() as node:
         assert probe.state('sample') == 'unconfigured'
         assert node.interrupt() == 0
-        # The middleware may tell of an answer that it could not deliver.
+        # The middleware may log a response that it could not deliver.
         assert 'Traceback' not in node.output
 
 

@@ -21,7 +21,7 @@ def test_seconds():
 
 
 def test_between_is_exact_far_from_zero():
-    # At 1.7e9 s a float cannot tell 100 ns; the difference of the stamps can.
+    # At 1.7e9 s a float cannot resolve 100 ns; the difference of the stamps can.
     earlier, later = stamp(1_700_000_000, 999_999_950), stamp(1_700_000_001, 50)
     assert between(earlier, later) == 1.0 - 999_999_900 / 1e9
     assert abs(between(earlier, later) - 100e-9) < 1e-15
