@@ -18,9 +18,9 @@ setup:  ## Make .venv and build the workspace (all other targets include it)
 demo: setup  ## Drive onto a soft patch without and with control; table, picture, bags
 	@.venv/bin/traction demo
 
-test: setup  ## Run the tests: first on all cores, then those with real processes
+test: setup  ## Run the tests, two at a time: first without real processes, then with them
 	@.venv/bin/python -m pytest -n 2 -m 'not process and not nightly'; cores=$$?; \
-	.venv/bin/python -m pytest -m 'process and not nightly' && exit $$cores
+	.venv/bin/python -m pytest -n 2 --dist loadgroup -m 'process and not nightly' && exit $$cores
 
 faults: setup  ## Inject faults into the running suite, measure their effects: docs/safety.md
 	@.venv/bin/traction faults

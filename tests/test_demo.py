@@ -5,7 +5,7 @@ import pytest
 from traction_evaluation.drives.figures import judge, latency
 from traction_evaluation.drives.recording import read_recording
 
-pytestmark = pytest.mark.process
+pytestmark = [pytest.mark.process, pytest.mark.xdist_group('whole suite')]
 
 TARGET = 0.2
 # Rear axle on the soft patch, m along the path; evaluated 2 s later.
@@ -41,5 +41,5 @@ def test_the_bags_hold_the_whole_drive_at_its_rate(drives):
         assert drive['torque_command'].values[0].max() < 100.0
         assert drive.end == pytest.approx(DURATION, abs=0.5)
         for quantity in ('wheel_speed', 'slip_estimate', 'torque'):
-            assert drive.rate(quantity) == pytest.approx(100.0, rel=0.05)
+            assert drive.rate(quantity) == pytest.approx(100.0, rel=0.05), quantity
         assert len(latency(drive)) > 0.9 * 100.0 * DURATION

@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from traction_node.probe import NodeProcess, executable
+from traction_node.probe import HANG_TIMEOUT, NodeProcess, executable
 from tractor_io.can.interface import free_port, open_bus
 from tractor_io.can.parameter_group import tractor_groups
 
@@ -16,7 +16,7 @@ def test_a_tractor_drives_on_the_bus_until_ctrl_c():
     traction = executable('traction_bringup', 'traction')
     try:
         with NodeProcess(traction, 'ecu', '--port', str(port)) as tractor:
-            end = time.monotonic() + 40.0
+            end = time.monotonic() + HANG_TIMEOUT
             while heard.get('GBSD', {}).get('GroundBasedMachineSpeed', 0.0) < 0.3:
                 assert time.monotonic() < end, f'no motion, heard {sorted(heard)}'
                 message = bus.recv(0.1)

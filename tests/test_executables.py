@@ -26,7 +26,7 @@ def test_takes_a_parameter_and_ends_on_ctrl_c(package, name, node, params, tmp_p
     if name == 'bag_recorder':
         params = {**params, 'output': tmp_path / 'bag'}
     with NodeProcess(executable(package, name), params=params) as process, Probe() as probe:
-        probe.wait_for(lambda: probe.diagnostics(node), 20.0, f'diagnostics of {node}')
+        probe.wait_for(lambda: probe.diagnostics(node), f'diagnostics of {node}')
         assert process.interrupt() == 0, process.output
         assert 'Traceback' not in process.output
 

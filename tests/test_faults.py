@@ -8,10 +8,10 @@ from traction_bringup.system import system
 from traction_evaluation.faults.bench import BusBench, FaultBench, recorded
 from traction_evaluation.faults.table import BUS_ROWS, ROWS
 
-pytestmark = pytest.mark.process
+pytestmark = [pytest.mark.process, pytest.mark.xdist_group('whole suite')]
 
-HEARING = 0.2
-"""What another process may be late in hearing of a torque on a machine that runs others too, s.
+WAITING = 0.2
+"""What nodes may wait for a core on a machine that runs others too, s.
 
 `make faults` allows for none of it."""
 
@@ -67,9 +67,7 @@ def bus():
 
 
 def check(row, outcome):
-    # Another try for a machine that stalled, as for any time-out.
-    if outcome.reaction > row.limit + HEARING:
-        raise TimeoutError(f'{row.name}: safe after {outcome.reaction:.3f} s')
+    assert outcome.reaction <= row.limit + WAITING, row.name
 
 
 @pytest.mark.parametrize('row', rows(ROWS))
@@ -92,9 +90,9 @@ def test_emergency_stop_is_held_by_each_until_all_have_released_it(bench):
 def test_torque_starts_from_the_measured_one(bench):
     bench.await_driving()
     bench.faults['wheel_torque_command'] = lambda message: ()
-    bench.probe.wait_for(lambda: bench.torque == [0.0] * 4, 2.0, 'safe torque')
+    bench.probe.wait_for(lambda: bench.torque == [0.0] * 4, 'safe torque')
     bench.faults.clear()
-    bench.probe.wait_for(lambda: bench.torque[-1] > 0.0, 2.0, 'torque')
+    bench.probe.wait_for(lambda: bench.torque[-1] > 0.0, 'torque')
     # The shaft lags by 0.1 s, so there is some of it left; from there by at most max_rate.
     measured = max(bench.shaft[-1], bench.shaft_before[-1])
     assert 0.0 < bench.torque[-1] <= measured + 40_000.0 * 0.05

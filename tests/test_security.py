@@ -75,7 +75,7 @@ def graph(tmp_path_factory):
                         for name in names
                     )
 
-            running.probe.wait_for(known, 10.0, 'whole graph')
+            running.probe.wait_for(known, 'whole graph')
             for name in names:
                 for action, things in graph_of(running.probe.node, name).items():
                     found.setdefault(name, {}).setdefault(action, set()).update(things)
@@ -112,9 +112,7 @@ def test_policy_of_the_player_is_all_that_it_plays_without_being_told(tmp_path):
         NodeProcess(executable('tractor_io', 'bag_player'), params=parameters),
         Probe() as probe,
     ):
-        probe.wait_for(lambda: probe.diagnostics('bag_player'), 20.0, 'sign of life')
-        probe.wait_for(
-            lambda: '/clock' in graph_of(probe.node, 'bag_player')['publish'], 10.0, 'topics'
-        )
+        probe.wait_for(lambda: probe.diagnostics('bag_player'), 'sign of life')
+        probe.wait_for(lambda: '/clock' in graph_of(probe.node, 'bag_player')['publish'], 'topics')
         done = graph_of(probe.node, 'bag_player')
     assert done == {action: POLICY['bag_player'].get(action, set()) for action in done}

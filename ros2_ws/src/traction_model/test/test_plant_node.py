@@ -59,37 +59,36 @@ def running():
 
 def test_every_topic_comes_at_its_rate_in_real_time(running):
     probe = running
-    received = {name: probe.subscribe(name) for name in RATES}
-    probe.wait_for(lambda: all(received.values()), 15.0, 'message on every topic')
-    starts = {name: seconds(messages[-1].header.stamp) for name, messages in received.items()}
-    for messages in received.values():
-        messages.clear()
-    probe.run_for(2.0)
+    sent = {name: [] for name in RATES}
+    received = {name: probe.subscribe(name, sent=times) for name, times in sent.items()}
+    # The slowest comes at 10 Hz: 2 s.
+    probe.wait_for(lambda: all(len(m) > 20 for m in received.values()), 'messages on every topic')
     for name, messages in received.items():
         stamps = [seconds(message.header.stamp) for message in messages]
-        # By their stamps exactly; by the wall clock within 10 % and one message.
-        period = (stamps[-1] - starts[name]) / len(stamps)
-        assert period == pytest.approx(1 / RATES[name], rel=0.02), name
-        assert len(stamps) == pytest.approx(2.0 * RATES[name], rel=0.1, abs=1), name
+        # A message may be lost, so that the time between two is twice as long.
+        assert np.median(np.diff(stamps)) == pytest.approx(1 / RATES[name], rel=0.35), name
+        assert np.ptp(stamps) / (len(stamps) - 1) == pytest.approx(1 / RATES[name], rel=0.05), name
+        # Simulated time is never ahead of real time, and a machine that stands still for a moment
+        # lets it fall behind by no more than that.
+        ages = np.subtract(sent[name], stamps)
+        assert min(ages) > -0.005, name
+        assert max(ages) < 1.0, name
 
 
 def test_radar_comes_after_its_latency_at_the_next_step(running):
     probe = running
-    ages = {'wheel_states': [], 'radar': []}
-
-    def take(name):
-        def on_message(message):
-            now = probe.node.get_clock().now().nanoseconds * 1e-9
-            ages[name].append(now - seconds(message.header.stamp))
-
-        return on_message
-
-    for name in ages:
-        probe.subscribe(name, take(name))
-    probe.wait_for(lambda: len(ages['radar']) >= 30, 10.0, '30 readings of radar')
-    # wheel_states has no latency. 15 ms end at the step 20 ms on; radar's next is 33 ms on.
-    age = np.median(ages['radar']) - np.median(ages['wheel_states'])
-    assert age == pytest.approx(0.02, abs=0.005)
+    sent = {'wheel_states': [], 'radar': []}
+    received = {name: probe.subscribe(name, sent=times) for name, times in sent.items()}
+    probe.wait_for(lambda: len(received['radar']) >= 30, '30 readings of radar')
+    # Radar is published just before the wheel_states of the same step, which have no latency.
+    ages = []
+    for time, message in zip(sent['radar'], received['radar'], strict=True):
+        step = int(np.searchsorted(sent['wheel_states'], time))
+        if step < len(sent['wheel_states']):
+            now = seconds(received['wheel_states'][step].header.stamp)
+            ages.append(now - seconds(message.header.stamp))
+    # 15 ms end at the step 20 ms on; radar's next is 33 ms on.
+    assert np.median(ages) == pytest.approx(0.02, abs=1e-6)
 
 
 def test_at_rest_without_torque(running):
@@ -97,7 +96,7 @@ def test_at_rest_without_torque(running):
     wheels = probe.subscribe('wheel_states')
     slips = probe.subscribe('ground_truth/slip_estimate')
     terrain = probe.subscribe('ground_truth/terrain_estimate')
-    probe.wait_for(lambda: wheels and slips and terrain, 5.0, 'messages')
+    probe.wait_for(lambda: wheels and slips and terrain, 'messages')
     assert list(wheels[-1].name) == WHEELS
     assert list(wheels[-1].velocity) == pytest.approx([0.0] * 4, abs=1e-6)
     assert list(slips[-1].valid) == [False] * 4
@@ -119,11 +118,11 @@ def test_wheel_torque_drives_it_and_silence_stops_that(running):
         command.publish(message)
         return truth and truth[-1].ground_based_speed > 0.5
 
-    probe.wait_for(driving, 10.0, 'speed of 0.5 m/s')
+    probe.wait_for(driving, 'speed of 0.5 m/s')
     assert list(wheels[-1].effort) == [1000.0, 2000.0, 3000.0, 4000.0]
     radii = [wheel.radius for wheel in load_vehicle('tractor_4wd').wheels]
     by_stamp = {seconds(entry.header.stamp): entry for entry in wheels}
-    entry = truth[-2]
+    entry = next(entry for entry in reversed(truth) if seconds(entry.header.stamp) in by_stamp)
     rim = [
         radius * omega
         for radius, omega in zip(
@@ -137,7 +136,7 @@ def test_wheel_torque_drives_it_and_silence_stops_that(running):
     assert list(entry.valid) == [True] * 4
     assert odometry[-1].pose.pose.position.x > 0.0
     # torque_timeout is 0.5 s.
-    probe.wait_for(lambda: max(wheels[-1].effort) == 0.0, 1.0, 'end of torque without commands')
+    probe.wait_for(lambda: max(wheels[-1].effort) == 0.0, 'end of torque without commands')
 
 
 @pytest.mark.parametrize(
@@ -159,7 +158,7 @@ def test_refused_torque_is_named(running, message, reason):
         statuses = probe.diagnostics('field/plant_node')
         return [status for status in statuses if status.message == reason]
 
-    status = probe.wait_for(named, 5.0, f'"{reason}" in the diagnostics')[-1]
+    status = probe.wait_for(named, f'"{reason}" in the diagnostics')[-1]
     assert status.level == bytes([diagnostic.WARN])
     # A good one recovers it.
     seen = len(probe.diagnostics('field/plant_node'))
@@ -169,13 +168,13 @@ def test_refused_torque_is_named(running, message, reason):
         statuses = probe.diagnostics('field/plant_node')[seen:]
         return [status for status in statuses if status.message == 'simulating']
 
-    assert probe.wait_for(recovered, 5.0, 'recovery')[-1].level == bytes([diagnostic.OK])
+    assert probe.wait_for(recovered, 'recovery')[-1].level == bytes([diagnostic.OK])
 
 
 def test_interrupt_ends_it_with_status_0(probe):
     wheels = probe.subscribe('wheel_states')
     with plant() as node:
-        probe.wait_for(lambda: wheels, 15.0, 'wheel_states')
+        probe.wait_for(lambda: wheels, 'wheel_states')
         assert node.interrupt() == 0
         assert node.output == ''
 
@@ -193,20 +192,23 @@ def test_as_fast_as_possible_with_clock(probe):
     probe.node.create_subscription(Clock, '/clock', on_clock, 10)
     received = {name: probe.subscribe(name) for name in RATES}
     with plant(
-        real_time_factor=0.0, duration=30.0, wait_for_torque=0.0, wait_for_subscribers=60.0
+        real_time_factor=0.0, duration=10.0, wait_for_torque=0.0, wait_for_subscribers=60.0
     ) as node:
         # It ends by itself, having simulated all of them.
-        probe.wait_for(lambda: not node.running, 90.0, 'end of 30 simulated seconds')
+        probe.wait_for(lambda: not node.running, 'end of 10 simulated seconds')
         assert node.wait() == 0
         assert node.output == ''
-    assert clocks[-1] == pytest.approx(30.0)
+    probe.wait_for(lambda: clocks[-1] == pytest.approx(10.0), 'last clock')
+    odometry = received['ground_truth/odometry']
+    # Stamps are simulated time.
+    probe.wait_for(
+        lambda: seconds(odometry[-1].header.stamp) == pytest.approx(10.0), 'last odometry'
+    )
     assert clocks == sorted(clocks)
     # In the plant's processor time, as other programs may take the processor.
     (first, first_spent), (last, last_spent) = spent[0], spent[-1]
-    assert last - first > 20.0
+    assert last - first > 5.0
     assert (last - first) / (last_spent - first_spent) > 5.0
-    # Stamps are simulated time.
-    assert seconds(received['ground_truth/odometry'][-1].header.stamp) == pytest.approx(30.0)
 
 
 def test_as_fast_as_possible_loses_nothing_before_late_subscribers(probe):
@@ -219,7 +221,7 @@ def test_as_fast_as_possible_loses_nothing_before_late_subscribers(probe):
             received[name] = probe.subscribe(name)
             probe.run_for(0.3)
             assert not any(received.values()) or name == list(RATES)[-1]
-        probe.wait_for(lambda: all(received.values()), 15.0, 'message on every topic')
+        probe.wait_for(lambda: all(received.values()), 'message on every topic')
     for name, messages in received.items():
         assert seconds(messages[0].header.stamp) == 0.0, name
 
@@ -242,10 +244,14 @@ def test_as_fast_as_possible_waits_for_the_answer(probe):
         if command is not None:
             command.publish(torque([500, 500, 1000, 1000], stamp=stamps[-1]))
 
+    for name in RATES.keys() - {'wheel_states'}:
+        probe.subscribe(name)
     wheels = probe.subscribe('wheel_states', answer)
-    with plant(real_time_factor=0.0, duration=5.0, torque_time_constant=0.0) as node:
+    # However long this process may take to answer.
+    params = {'torque_timeout': 10.0, 'wait_for_subscribers': 60.0, 'wait_for_torque': 60.0}
+    with plant(real_time_factor=0.0, duration=5.0, torque_time_constant=0.0, **params) as node:
         command = probe.publisher('wheel_torque')
-        probe.wait_for(lambda: not node.running, 30.0, 'end of 5 simulated seconds')
+        probe.wait_for(lambda: not node.running, 'end of 5 simulated seconds')
         assert node.wait() == 0
     answered = [k for k, message in enumerate(wheels) if max(message.effort) == 1000.0]
     assert len(answered) > 100
@@ -255,38 +261,48 @@ def test_as_fast_as_possible_waits_for_the_answer(probe):
 
 
 def test_several_times_real_time(probe):
-    clocks = []
-    probe.node.create_subscription(
-        Clock, '/clock', lambda message: clocks.append(seconds(message.clock)), 10
-    )
+    sent = []
+    wheels = probe.subscribe('wheel_states', sent=sent)
     with plant(real_time_factor=5.0):
-        probe.wait_for(lambda: clocks, 15.0, 'clock')
-        before = clocks[-1]
-        probe.run_for(1.0)
-        assert clocks[-1] - before == pytest.approx(5.0, rel=0.15)
+        probe.wait_for(lambda: wheels and seconds(wheels[-1].header.stamp) > 10.0, '10 s')
+    stamps = [seconds(message.header.stamp) for message in wheels]
+    # 10 s in 2 s; not in one stretch, where the machine stands still in between.
+    rates = [
+        (stamps[k + 100] - stamps[k]) / (sent[k + 100] - sent[k])
+        for k in range(0, len(stamps) - 100, 100)
+    ]
+    assert np.median(rates) == pytest.approx(5.0, rel=0.15)
 
 
-def test_same_seed_same_radar(probe):
-    received = {name: probe.subscribe(name) for name in RATES}
+def test_same_seed_same_radar():
+    params = {
+        'real_time_factor': 0.0,
+        'duration': 2.0,
+        'wait_for_torque': 0.0,
+        'wait_for_subscribers': 60.0,
+        'radar_min_speed': 0.0,
+        'radar_rate': 50.0,
+    }
+    seeds = {'first': 3, 'second': 3, 'other': 4}
+    with contextlib.ExitStack() as stack:
+        for namespace, seed in seeds.items():
+            stack.enter_context(plant(namespace, **params, seed=seed))
+        probes = [stack.enter_context(Probe(namespace)) for namespace in seeds]
+        heard = [{name: probe.subscribe(name) for name in RATES} for probe in probes]
+        for probe, received in zip(probes, heard, strict=True):
+            odometry = received['ground_truth/odometry']
 
-    def run(seed):
-        received['radar'].clear()
-        with plant(
-            real_time_factor=0.0,
-            duration=10.0,
-            wait_for_torque=0.0,
-            wait_for_subscribers=60.0,
-            radar_min_speed=0.0,
-            radar_rate=10.0,
-            seed=seed,
-        ) as node:
-            probe.wait_for(lambda: not node.running, 90.0, 'end')
-        return {
+            def over(odometry=odometry):
+                return odometry and seconds(odometry[-1].header.stamp) == pytest.approx(2.0)
+
+            probe.wait_for(over, 'end of 2 simulated seconds')
+    first, second, other = (
+        {
             round(seconds(message.header.stamp), 3): message.twist.twist.linear.x
             for message in received['radar']
         }
-
-    first, second, other = run(3), run(3), run(4)
+        for received in heard
+    )
     # Of 101 readings; best effort may lose some.
     common = first.keys() & second.keys()
     assert len(common) >= 50

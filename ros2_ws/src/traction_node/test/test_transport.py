@@ -24,6 +24,10 @@ def test_this_machine_only_goes_by_a_profile_unless_the_user_has_one():
     assert environment['ROS_AUTOMATIC_DISCOVERY_RANGE'] == 'SYSTEM_DEFAULT'
     profile = Path(environment['FASTRTPS_DEFAULT_PROFILES_FILE']).read_text(encoding='utf-8')
     assert '<address>127.0.0.1</address>' in profile
+    # The same in a child that is told once more to stay on this machine.
+    child = {**environment, 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
+    use_udp(child)
+    assert child == environment
     mine = {
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
         'FASTRTPS_DEFAULT_PROFILES_FILE': 'mine.xml',

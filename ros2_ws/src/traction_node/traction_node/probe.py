@@ -4,7 +4,7 @@ with NodeProcess(executable('torque_gate', 'torque_gate')) as gate, Probe() as p
     probe.change_state('torque_gate', 'configure')
     received = probe.subscribe('wheel_torque')
     ...
-    probe.wait_for(lambda: received, 5.0, 'a first torque')
+    probe.wait_for(lambda: received, 'a first torque')
     assert gate.interrupt() == 0
 """
 
@@ -23,7 +23,7 @@ from ament_index_python.packages import get_package_prefix
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
-from rcl_interfaces.srv import SetParameters
+from rcl_interfaces.srv import GetParameterTypes, SetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 
@@ -31,12 +31,17 @@ from traction_node.node import QOS
 from traction_node.topics import message_class, topic
 from traction_node.transport import use_udp
 
-END_TIMEOUT = 15.0  # [s]
-SERVICE_TIMEOUT = 15.0  # [s]
-ANSWER_TIMEOUT = 5.0  # [s]
-ASKED_AT_MOST = 3
-SETTLE_TIME = 0.2  # [s]
-DEPTH = 1000  # queue of a subscription, messages
+HANG_TIMEOUT = 60.0
+"""Time after which a wait has failed, s; no measure of the speed of a node."""
+
+ANSWER_TIMEOUT = 5.0
+"""Time after which a service is called again, s."""
+
+UNKNOWN = '_NODE_NAME_UNKNOWN_'
+"""Name of a node of which only topics are known."""
+
+DEPTH = 1000
+"""Queue of a subscription, messages."""
 
 
 def executable(package, name):
@@ -123,6 +128,7 @@ class NodeProcess:
 
     def __init__(self, path, *args, env=None, quiet=False, **ros):
         self._quiet = quiet
+        self._interrupted = False
         self.command = [str(path), *args, *ros_arguments(**ros)]
         self._lines = []
         self._changed = threading.Condition()
@@ -173,7 +179,7 @@ class NodeProcess:
         with self._changed:
             return ''.join(self._lines)
 
-    def wait_for_output(self, text, timeout=END_TIMEOUT):
+    def wait_for_output(self, text, timeout=HANG_TIMEOUT):
         """Wait until its output contains a text.
 
         Parameters
@@ -192,7 +198,7 @@ class NodeProcess:
             if not self._changed.wait_for(lambda: text in ''.join(self._lines), timeout):
                 raise TimeoutError(f'no "{text}" in {timeout:g} s in:\n{"".join(self._lines)}')
 
-    def wait(self, timeout=END_TIMEOUT):
+    def wait(self, timeout=HANG_TIMEOUT):
         """Wait for the end of the process and of its output; returns its exit status.
 
         Parameters
@@ -204,9 +210,15 @@ class NodeProcess:
         self._reader.join(timeout)
         return status
 
+    def send_interrupt(self):
+        """Send SIGINT, without waiting for the end; only once, as a second one aborts a node."""
+        if self.running and not self._interrupted:
+            self._interrupted = True
+            self._process.send_signal(signal.SIGINT)
+
     def interrupt(self):
         """End it with SIGINT, as Ctrl-C; returns its exit status."""
-        self._process.send_signal(signal.SIGINT)
+        self.send_interrupt()
         return self.wait()
 
     def terminate(self):
@@ -246,7 +258,9 @@ class Probe:
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
         self._publishers = {}
+        self._subscriptions = {}
         self._clients = {}
+        self._met = set()
         self._statuses = None
 
     def __enter__(self):
@@ -257,17 +271,17 @@ class Probe:
         self.node.destroy_node()
         self._context.try_shutdown()
 
-    def wait_for(self, condition, timeout, what):
+    def wait_for(self, condition, what, timeout=HANG_TIMEOUT):
         """Run callbacks until a condition holds.
 
         Parameters
         ----------
         condition : callable
             Called without arguments after each callback; a true result ends the wait.
-        timeout : float
-            Longest time [s].
         what : str
             Name of the event, for the error.
+        timeout : float
+            Longest time [s].
 
         Returns
         -------
@@ -295,10 +309,12 @@ class Probe:
             Time [s].
         """
         with contextlib.suppress(TimeoutError):
-            self.wait_for(lambda: False, duration, 'end')
+            self.wait_for(lambda: False, 'end', timeout=duration)
 
-    def subscribe(self, name, callback=None):
+    def subscribe(self, name, callback=None, sent=None):
         """Subscribe to one of the suite's topics.
+
+        Messages from before the match with a publisher are lost, see `meet`.
 
         Parameters
         ----------
@@ -306,6 +322,9 @@ class Probe:
             Name in `topics.yaml`.
         callback : callable, optional
             Called with each message, too.
+        sent : list, optional
+            Receives the time of publication of each message, in s of the system clock. With it, a
+            probe that receives late still measures the speed of a node.
 
         Returns
         -------
@@ -314,8 +333,10 @@ class Probe:
         """
         received = []
 
-        def take(message):
+        def take(message, info):
             received.append(message)
+            if sent is not None:
+                sent.append(info['source_timestamp'] * 1e-9)
             if callback is not None:
                 callback(message)
 
@@ -323,16 +344,23 @@ class Probe:
         # Long enough that a busy test loses no messages.
         qos = copy.copy(QOS[row.qos])
         qos.depth = DEPTH
-        self.node.create_subscription(message_class(row.type), name, take, qos)
+        self._subscriptions[name] = self.node.create_subscription(
+            message_class(row.type), name, take, qos
+        )
         return received
 
     def publisher(self, name):
-        """Publisher of one of the suite's topics, made once and matched with a subscription.
+        """Publisher of one of the suite's topics, created once and matched with its subscribers.
 
         Parameters
         ----------
         name : str
             Name in `topics.yaml`.
+
+        Returns
+        -------
+        rclpy.publisher.Publisher
+            Publisher with at least one subscriber, matched on both sides.
         """
         if name not in self._publishers:
             row = topic(name)
@@ -341,14 +369,54 @@ class Probe:
             )
         publisher = self._publishers[name]
         # At every call, since an earlier subscriber may have ended.
-        if not publisher.get_subscription_count():
-            self.wait_for(
-                publisher.get_subscription_count, SERVICE_TIMEOUT, f'subscriber of {name}'
-            )
-            # The subscriber matches later than the publisher, without notice; until then
-            # best-effort messages are lost.
-            self.run_for(SETTLE_TIME)
+        subscribers = self.wait_for(lambda: self._subscribers(publisher), f'subscriber of {name}')
+        for identifier, node in subscribers.items():
+            if identifier not in self._met:
+                self.meet(node)
+                self._met.add(identifier)
         return publisher
+
+    def _subscribers(self, publisher):
+        """Names of the subscribed nodes by endpoint identifier; empty until all are known."""
+        found = {
+            bytes(info.endpoint_gid): (info.node_namespace, info.node_name)
+            for info in self.node.get_subscriptions_info_by_topic(publisher.topic_name)
+            if info.node_name != self.node.get_name()
+        }
+        if publisher.get_subscription_count() < len(found) or any(
+            name == UNKNOWN for _, name in found.values()
+        ):
+            return {}
+        return {gid: f'{space.rstrip("/")}/{name}' for gid, (space, name) in found.items()}
+
+    def meet(self, node, *names):
+        """Wait until a node is matched with all publishers and subscriptions of this probe.
+
+        Messages are lost until both sides of a topic are matched, and each side knows only of
+        itself. A process announces its endpoints in order, on reliable channels. So a node that
+        responds to a new client is matched with all endpoints created before that client.
+
+        Parameters
+        ----------
+        node : str
+            Name of the node, which has the services for parameters.
+        *names : str
+            Topics that the node publishes and this probe has subscribed to, by their names in
+            `topics.yaml`: their subscriptions are matched, too.
+
+        Raises
+        ------
+        TimeoutError
+            If nobody publishes one of the topics, or the node does not respond.
+        """
+        for name in names:
+            self.wait_for(self._subscriptions[name].get_publisher_count, f'publisher of {name}')
+        service = f'{node}/get_parameter_types'
+        client = self.node.create_client(GetParameterTypes, service)
+        try:
+            self._ask(client, service, GetParameterTypes.Request())
+        finally:
+            self.node.destroy_client(client)
 
     def call(self, service_type, name, request):
         """Call a service and wait for its response.
@@ -373,19 +441,26 @@ class Probe:
         TimeoutError
             If the service does not exist or does not respond.
         """
-        for _ in range(ASKED_AT_MOST):
-            with contextlib.suppress(_NoResponseError):
-                return self._ask(service_type, name, request)
-        raise TimeoutError(f'no answer of {name}, asked {ASKED_AT_MOST} times')
+        return self._ask(self._client(service_type, name), name, request)
 
-    def _ask(self, service_type, name, request):
+    def _client(self, service_type, name):
         if name not in self._clients:
             self._clients[name] = self.node.create_client(service_type, name)
-        client = self._clients[name]
-        self.wait_for(client.service_is_ready, SERVICE_TIMEOUT, f'service {name}')
+        return self._clients[name]
+
+    def _ask(self, client, name, request):
+        """Call a service until it responds."""
+        end = time.monotonic() + HANG_TIMEOUT
+        while time.monotonic() < end:
+            with contextlib.suppress(_NoResponseError):
+                return self._ask_once(client, name, request)
+        raise TimeoutError(f'no response of {name} in {HANG_TIMEOUT:g} s')
+
+    def _ask_once(self, client, name, request):
+        self.wait_for(client.service_is_ready, f'service {name}')
         future = client.call_async(request)
         try:
-            self.wait_for(future.done, ANSWER_TIMEOUT, f'answer of {name}')
+            self.wait_for(future.done, f'response of {name}', timeout=ANSWER_TIMEOUT)
         except TimeoutError as error:
             client.remove_pending_request(future)
             raise _NoResponseError from error
@@ -406,15 +481,17 @@ class Probe:
         bool
             True if it succeeded.
         """
+        service = f'{node}/change_state'
         request = ChangeState.Request(transition=Transition(label=transition))
         before = self.state(node)
         try:
-            return self._ask(ChangeState, f'{node}/change_state', request).success
+            client = self._client(ChangeState, service)
+            return self._ask_once(client, service, request).success
         except _NoResponseError:
             # If only the response was lost, a second request would be rejected.
             if self.state(node) != before:
                 return True
-            return self.call(ChangeState, f'{node}/change_state', request).success
+            return self.call(ChangeState, service, request).success
 
     def state(self, node):
         """State of a lifecycle node, such as 'active'."""
@@ -456,7 +533,7 @@ class Probe:
             )
         return [status for status in self._statuses if status.name == node]
 
-    def wait_for_diagnostic(self, node, text, timeout=SERVICE_TIMEOUT):
+    def wait_for_diagnostic(self, node, text, timeout=HANG_TIMEOUT):
         """Wait until a node's message in `/diagnostics` contains a text.
 
         Parameters
@@ -474,4 +551,4 @@ class Probe:
         def found():
             return [status for status in self.diagnostics(node) if text in status.message]
 
-        return self.wait_for(found, timeout, f'"{text}" in the diagnostics of {node}')[-1]
+        return self.wait_for(found, f'"{text}" in the diagnostics of {node}', timeout=timeout)[-1]

@@ -53,6 +53,9 @@ class RunningSystem:
         return self
 
     def __exit__(self, *_: object) -> None:
+        # All at once: each takes a while to end.
+        for process in self.processes.values():
+            process.send_interrupt()
         self._stack.close()
 
     def _start(self, stack: contextlib.ExitStack, node: NodeSpec) -> None:
@@ -81,7 +84,7 @@ class RunningSystem:
                 for value in status.values
             )
 
-        self.probe.wait_for(ready, START_TIMEOUT, f'sign of life of {node.name}')
+        self.probe.wait_for(ready, f'sign of life of {node.name}', timeout=START_TIMEOUT)
 
     def check(self, may_end: Sequence[str] = ()) -> None:
         """Check that all nodes are running.
@@ -130,4 +133,4 @@ class RunningSystem:
             tick()
             return not self.processes[name].running
 
-        self.probe.wait_for(ended, timeout, f'end of {name}')
+        self.probe.wait_for(ended, f'end of {name}', timeout=timeout)

@@ -55,10 +55,11 @@ def use_udp(environment: MutableMapping[str, str] = os.environ) -> None:
     environment : mutable mapping of str to str, optional
         Environment of the process.
     """
+    share = Path(get_package_share_directory('traction_node'))
+    loopback = str(share / 'config' / 'loopback.xml')
     # With LOCALHOST, rmw_fastrtps adds shared memory to all transports, unless the profile
-    # restricts them to this machine.
-    if environment.get(_RANGE) == 'LOCALHOST' and _PROFILES not in environment:
-        share = Path(get_package_share_directory('traction_node'))
-        environment[_PROFILES] = str(share / 'config' / 'loopback.xml')
+    # restricts them to this machine. A parent process may have set that profile.
+    if environment.get(_RANGE) == 'LOCALHOST' and environment.get(_PROFILES, loopback) == loopback:
+        environment[_PROFILES] = loopback
         environment[_RANGE] = 'SYSTEM_DEFAULT'
     environment.setdefault(_TRANSPORTS, 'UDPv4')

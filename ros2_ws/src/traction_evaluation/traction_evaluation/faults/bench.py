@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import can
-from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
@@ -25,6 +24,7 @@ from traction_node.node import QOS
 from traction_node.node_spec import NodeSpec
 from traction_node.probe import NodeProcess, executable
 from traction_node.running_system import RunningSystem
+from traction_node.stamp import seconds
 from traction_node.topics import message_class, topic
 from tractor_io.bags.reader import BagReader
 from tractor_io.can.interface import frame, free_port, open_bus
@@ -54,9 +54,6 @@ WALKING = 1.0
 
 LOOK = 0.2
 """Time of observation of torques after the report of a fault, s."""
-
-PATIENCE = 15.0
-"""Longest wait for an expected event, s, with the start of a process."""
 
 Describe = Callable[..., list[NodeSpec]]
 
@@ -137,7 +134,7 @@ class _Bench:
     def __init__(self, nodes: Sequence[NodeSpec]) -> None:
         self._nodes = {node.name: node for node in nodes}
         self._stack = contextlib.ExitStack()
-        # Time of each output, and whether it was safe.
+        # Time of publication of each output, s of the system clock, and whether it was safe.
         self.outputs: list[tuple[float, bool]] = []
         self._row: Row | None = None
         self.said: list[tuple[float, str, str]] = []
@@ -174,24 +171,25 @@ class _Bench:
 
     def _listen(self, stack: contextlib.ExitStack) -> None:
         probe = self.probe
+        sent: list[float] = []
 
         def torque(message: Any) -> None:
             self.torque = list(message.effort)
             self.torques.append(message)
-            self.heard('wheel_torque', self.torque)
+            self.heard('wheel_torque', self.torque, sent.pop())
 
         def statuses(array: Any) -> None:
-            now = time.monotonic()
-            self.said.extend((now, status.name, status.message) for status in array.status)
+            at = seconds(array.header.stamp)
+            self.said.extend((at, status.name, status.message) for status in array.status)
 
         self.torque = [0.0]
         # All received torques, in order.
         self.torques: list[Any] = []
-        probe.subscribe('wheel_torque', torque)
+        probe.subscribe('wheel_torque', torque, sent)
         probe.subscribe('torque_request', lambda m: setattr(self, 'request', list(m.effort)))
         probe.subscribe('ground_truth/slip_estimate', self._follow)
         probe.subscribe('wheel_states', self._feel)
-        probe.node.create_subscription(DiagnosticArray, '/diagnostics', statuses, QOS['reliable'])
+        probe.subscribe('/diagnostics', statuses)
 
     def _feel(self, message: Any) -> None:
         self.shaft_before, self.shaft = self.shaft, list(message.effort) or [0.0]
@@ -207,10 +205,10 @@ class _Bench:
         since = min(self._settled_from, time.monotonic())
         self._settled_from = since if settled else math.inf
 
-    def heard(self, name: str, values: list[float]) -> None:
-        """Process an output."""
+    def heard(self, name: str, values: list[float], at: float) -> None:
+        """Process an output, published at a time in s of the system clock."""
         if self._row is not None:
-            self.outputs.append((time.monotonic(), self._row.is_safe(self, values)))
+            self.outputs.append((at, self._row.is_safe(self, values)))
 
     # Processes
 
@@ -251,7 +249,7 @@ class _Bench:
                 and self.healthy()
             )
 
-        self.probe.wait_for(passing, PATIENCE, 'tractor that drives')
+        self.probe.wait_for(passing, 'tractor that drives')
 
     def await_said(self, node: str, text: str) -> None:
         """Wait until the newest diagnostic of a node contains a text."""
@@ -260,7 +258,7 @@ class _Bench:
             newest = [said for _, name, said in self.said if name == node][-1:]
             return bool(newest) and text in newest[0]
 
-        self.probe.wait_for(said, PATIENCE, f'"{text}" from {node}')
+        self.probe.wait_for(said, f'"{text}" from {node}')
 
     def healthy(self) -> bool:
         """True if the state is as before a fault, apart from the torque."""
@@ -280,7 +278,7 @@ class _Bench:
         self.outputs.clear()
         self.said.clear()
         self._row = row
-        began = time.monotonic()
+        began = time.time()
         row.inject(self)
 
         def told() -> tuple[float, str] | None:
@@ -295,8 +293,8 @@ class _Bench:
             return self.outputs[first][0] if first < len(self.outputs) else None
 
         try:
-            t_told, text = self.probe.wait_for(told, 5.0, f'"{row.reason}" from {row.node}')
-            self.probe.wait_for(safe_since, 2.0, f'safe output after {row.name}')
+            t_told, text = self.probe.wait_for(told, f'"{row.reason}" from {row.node}')
+            self.probe.wait_for(safe_since, f'safe output after {row.name}')
             self.probe.run_for(LOOK)
             t_safe = safe_since()
             if t_safe is None:
@@ -408,10 +406,10 @@ class BusBench(_Bench):
         self._reader = LimitReader()
         self.probe.node.create_timer(0.002, self._hear)
 
-    def heard(self, name: str, values: list[float]) -> None:
+    def heard(self, name: str, values: list[float], at: float) -> None:
         """Ignore torques: the limit of the engine is the output of this bench."""
         if name == 'TSC1':
-            super().heard(name, values)
+            super().heard(name, values, at)
 
     def healthy(self) -> bool:
         """True if also the bridge receives all messages."""
@@ -427,7 +425,7 @@ class BusBench(_Bench):
                 if group is not None and group.name == 'TSC1':
                     limit = self._reader.read(group, bytes(message.data))
                     # A released limit: no limit.
-                    self.heard('TSC1', [math.inf if limit is None else limit])
+                    self.heard('TSC1', [math.inf if limit is None else limit], message.timestamp)
 
     def pour(self, message: can.Message | None) -> None:
         """Fill the bus with copies of a frame; None ends this."""
