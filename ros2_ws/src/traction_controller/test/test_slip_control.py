@@ -1,5 +1,6 @@
 """Slip control on a linear model and on soil."""
 
+import functools
 import math
 
 import numpy as np
@@ -16,17 +17,26 @@ RIG = load_vehicle('single_wheel_rig')
 TRACTOR = load_vehicle('tractor_4wd')
 LOADS = [float(load) for load in TRACTOR.static_loads()]
 STIFFNESS = [4 * load for load in LOADS]  # that of the linear wheels
-# Made once: computing its gains takes a while.
-CONTROL = SlipControl(TRACTOR, 0.2, hold_torque=20000.0)
 DT = 0.01
+
+
+@functools.cache
+def shared_control():
+    """One for all tests: computing its gains takes a while."""
+    return SlipControl(TRACTOR, 0.2, hold_torque=20000.0)
+
+
+def fresh_control():
+    control = shared_control()
+    control.reset()
+    control.mode = Mode.LIMIT
+    control.set_target(0.2)
+    return control
 
 
 @pytest.fixture
 def control():
-    CONTROL.reset()
-    CONTROL.mode = Mode.LIMIT
-    CONTROL.set_target(0.2)
-    return CONTROL
+    return fresh_control()
 
 
 def step(control, slips, requests, *, valid=True, rims=2.0, speed=0.0, shaft=0.0, dt=DT):
@@ -50,11 +60,9 @@ def step(control, slips, requests, *, valid=True, rims=2.0, speed=0.0, shaft=0.0
 )  # fmt: skip
 @settings(deadline=None, max_examples=100)
 def test_limit_never_exceeds_the_request(drive):
-    CONTROL.reset()
-    CONTROL.mode = Mode.LIMIT
-    CONTROL.set_target(0.2)
+    control = fresh_control()
     for slip, request, rim, shaft, valid in drive:
-        for outcome in step(CONTROL, slip, request, valid=valid, rims=rim, shaft=shaft):
+        for outcome in step(control, slip, request, valid=valid, rims=rim, shaft=shaft):
             assert math.isfinite(outcome.torque)
             # Along the request, from nothing to all of it.
             assert 0.0 <= math.copysign(1.0, request) * outcome.torque <= abs(request)

@@ -1,5 +1,6 @@
 """Groups of wheels: slip in use, division of torque, and transfer at a change of group."""
 
+import functools
 from pathlib import Path
 
 import numpy as np
@@ -19,19 +20,28 @@ TRACTOR = load_vehicle('tractor_4wd')
 LOADS = [float(load) for load in TRACTOR.static_loads()]
 DT = 0.01
 GAINS = Path(__file__).parents[1] / 'config' / 'gains' / 'tractor_4wd.yaml'
-SETTINGS = {'lpv': {'gain_table': read_gain_table(GAINS, TRACTOR, DT)}}
-# One for all tests that begin with a reset: making it takes a while.
-CONTROL = SlipControl(TRACTOR, 0.2, settings=SETTINGS, hold_torque=20000.0)
+
+
+@functools.cache
+def law_settings():
+    return {'lpv': {'gain_table': read_gain_table(GAINS, TRACTOR, DT)}}
+
+
+@functools.cache
+def shared_control():
+    """One for all tests that begin with a reset: making it takes a while."""
+    return SlipControl(TRACTOR, 0.2, settings=law_settings(), hold_torque=20000.0)
 
 
 @pytest.fixture
 def control():
-    CONTROL.set_law('lqi')
-    CONTROL.set_driveline(Grouping.WHEEL, Differential.OPEN, 'all')
-    CONTROL.mode = Mode.LIMIT
-    CONTROL.set_target(0.2)
-    CONTROL.reset()
-    return CONTROL
+    control = shared_control()
+    control.set_law('lqi')
+    control.set_driveline(Grouping.WHEEL, Differential.OPEN, 'all')
+    control.mode = Mode.LIMIT
+    control.set_target(0.2)
+    control.reset()
+    return control
 
 
 def step(control, slips, requests, *, rims=2.0, valid=True, shaft=None, dt=DT, stiff=4.0, **more):
@@ -289,7 +299,7 @@ def test_rate_of_a_group_is_that_of_its_slowest(rate):
 )  # fmt: skip
 @settings(deadline=None, max_examples=150)
 def test_limit_never_exceeds_any_request(law, grouping, differential, driven, drive, change):
-    control = CONTROL
+    control = shared_control()
     control.set_law(law)
     control.mode = Mode.LIMIT
     control.set_driveline(grouping, differential, driven)
