@@ -20,7 +20,7 @@ demo: setup  ## Drive onto a soft patch without and with control; table, picture
 
 test: setup  ## Run the tests, two at a time: first without real processes, then with them
 	@.venv/bin/python -m pytest -n 2 -m 'not process and not nightly'; cores=$$?; \
-	.venv/bin/python -m pytest -n 2 --dist loadgroup -m 'process and not nightly' && exit $$cores
+	.venv/bin/python -m pytest -n 2 --dist loadfile -m 'process and not nightly' && exit $$cores
 
 faults: setup  ## Inject faults into the running suite, measure their effects: docs/safety.md
 	@.venv/bin/traction faults

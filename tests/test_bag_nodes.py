@@ -30,7 +30,7 @@ def parameters_for_bag(path):
     ],
 )
 def test_nodes_meet_ground_truth_and_the_replay(name, tmp_path):
-    """The first seconds through DDS, somewhat faster than they were recorded."""
+    """The first seconds through DDS, in real time."""
     path = tmp_path / name
     cut_bag(BAGS / name, path, end=6.0)
     chosen = parameters_for_bag(path)
@@ -59,7 +59,6 @@ def test_nodes_meet_ground_truth_and_the_replay(name, tmp_path):
             executable('tractor_io', 'bag_player'),
             params={
                 'bag': str(path),
-                'rate': 1.5,
                 'topics': ['/wheel_states', '/radar', '/wheel_torque'],
                 'wait_for_subscribers': 10.0,
             },
@@ -77,8 +76,8 @@ def test_nodes_meet_ground_truth_and_the_replay(name, tmp_path):
                 ),
                 'estimate for one of the last readings',
             )
-    # Sensor data are best effort: where the machine stalls for more than five readings, 20 ms
-    # here, the rest is lost. The errors below must be small all the same.
+    # Sensor data are best effort: where the machine stalls for more than five readings, 50 ms,
+    # the rest is lost. The errors below must be small all the same.
     assert len(estimates) > 0.5 * readings
     errors, judged = [], 0
     for estimate in estimates:

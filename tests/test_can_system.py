@@ -8,8 +8,6 @@ from traction_node.running_system import RunningSystem
 from traction_node.stamp import seconds
 from tractor_io.can.interface import free_port
 
-pytestmark = pytest.mark.xdist_group('whole suite')
-
 TARGET = 0.2
 SUITE = {'torque_gate', 'slip_controller', 'slip_estimator', 'can_bridge'}
 TRACTOR = {'plant_node', 'tractor_ecu'}

@@ -5,7 +5,7 @@ import pytest
 from traction_evaluation.drives.figures import judge, latency
 from traction_evaluation.drives.recording import read_recording
 
-pytestmark = [pytest.mark.process, pytest.mark.xdist_group('whole suite')]
+pytestmark = pytest.mark.process
 
 TARGET = 0.2
 # Rear axle on the soft patch, m along the path; evaluated 2 s later.

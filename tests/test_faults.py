@@ -8,7 +8,7 @@ from traction_bringup.system import system
 from traction_evaluation.faults.bench import BusBench, FaultBench, recorded
 from traction_evaluation.faults.table import BUS_ROWS, ROWS
 
-pytestmark = [pytest.mark.process, pytest.mark.xdist_group('whole suite')]
+pytestmark = pytest.mark.process
 
 WAITING = 0.2
 """What nodes may wait for a core on a machine that runs others too, s.

@@ -11,8 +11,6 @@ from traction_node.probe import NodeProcess, executable
 from traction_node.running_system import RunningSystem
 from traction_node.topics import topics
 
-pytestmark = pytest.mark.xdist_group('whole suite')
-
 TOPICS = topics()
 # Publishers in a running simulation, which has no satellite receiver.
 SPEAKERS = {'plant', 'all', *(node.name for node in system(simulated=True))}

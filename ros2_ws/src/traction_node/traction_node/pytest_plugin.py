@@ -33,8 +33,6 @@ def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line(
         'markers', 'process: with real processes, which keep times and take the machine'
     )
-    # Of pytest-xdist, which need not be installed.
-    config.addinivalue_line('markers', 'xdist_group(name): runs on one worker with its group')
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -45,15 +43,7 @@ def pytest_configure_node(node: Any) -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the tests of modules that start nodes, and group them by module.
-
-    Tests of a module share nodes, so one worker of pytest-xdist has to run them all
-    (`--dist loadgroup`). A module may name its group itself, to share a worker with others.
-    """
+    """Mark the tests of modules that start nodes."""
     for item in items:
-        if not isinstance(item, pytest.Function):
-            continue
-        if STARTERS & vars(item.module).keys():
+        if isinstance(item, pytest.Function) and STARTERS & vars(item.module).keys():
             item.add_marker('process')
-        if item.get_closest_marker('process') and not item.get_closest_marker('xdist_group'):
-            item.add_marker(pytest.mark.xdist_group(item.module.__name__))
