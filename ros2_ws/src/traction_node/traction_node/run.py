@@ -35,7 +35,8 @@ DEFECT, BAD_INPUT = 1, 2
 # Without a timeout the EventsExecutor of some releases waits in a busy loop. The future ends the
 # spinning; after the timeout it only starts again.
 SPIN_TIMEOUT = 60.0  # [s]
-SELF_TEST_TIMEOUT = 0.5  # [s]
+# An executor that works passes at once, but a busy machine may stand still for a second.
+SELF_TEST_TIMEOUT = 10.0  # [s]
 
 
 def self_test(executor: Executor, node: Node) -> bool:
