@@ -14,7 +14,7 @@ FIELDS = ('name', 'version', 'description', 'license', 'maintainer', 'maintainer
 
 
 def setup_fields(folder):
-    """What a package's `setup.py` says about it, by field.
+    """Metadata of a package in its `setup.py`, by field.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def setup_fields(folder):
 
 
 def package_fields(package):
-    """What `package.xml` says about a package, by the same fields."""
+    """Metadata of a package in `package.xml`, by the same fields."""
     maintainer = package.maintainers[0]
     return {
         'name': package.name,
@@ -45,7 +45,7 @@ def package_fields(package):
 
 
 def problems(src):
-    """What is wrong with the packages in a folder.
+    """Faults of the packages in a folder.
 
     Parameters
     ----------

@@ -37,7 +37,7 @@ def relocated(text, prefix, headers, site_packages):
 
 
 def relocate(prefix, headers, site_packages):
-    """Rewrite every file of `prefix`/share that names the wheel builder's prefix.
+    """Rewrite every file of `prefix`/share with the wheel builder's prefix.
 
     Parameters
     ----------

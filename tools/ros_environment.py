@@ -1,4 +1,4 @@
-"""The environment variables that make an interpreter a ROS 2 interpreter of this workspace.
+"""Environment variables of a ROS 2 interpreter for this workspace.
 
 This is the one place that knows them. Set-up works them out once, by asking ROS's own scripts,
 and records them in the virtual environment (`record`). Each start of `.venv/bin/python` then runs
@@ -16,9 +16,9 @@ import sys
 from pathlib import Path
 
 RECORD = 'ros_environment.json'
-# Colcon's script that tells a shell which variables to change; it must see them unchanged.
+# Colcon's script prints the changes of variables for a shell; it needs the original values.
 COLCON_SCRIPT = '_local_setup_util_sh.py'
-# Written by the shell itself, or about the process rather than about ROS.
+# Variables of the shell or of the process, not of ROS.
 NOT_RECORDED = {'_', 'PWD', 'OLDPWD', 'SHLVL'}
 
 
@@ -44,13 +44,13 @@ def wheels(prefix):
         'ROS_DISTRO': 'jazzy',
         'ROS_PYTHON_VERSION': '3',
         'ROS_VERSION': '2',
-        # Keeps the wheels from starting the interpreter again, with the folders in random order.
+        # Prevents a restart of the interpreter by the wheels, with folders in random order.
         '_ROS_WHEELS_BOOTSTRAP_COMPLETE': '1',
     }
 
 
 def sourced(script, environment):
-    """Environment after a bash script was sourced.
+    """Environment after sourcing a bash script.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def sourced(script, environment):
 
 
 def completed(environment, recorded):
-    """Environment with everything in it that was recorded.
+    """Environment completed by the recorded variables.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def completed(environment, recorded):
 
 
 def record(prefix, environment, clean):
-    """Write down, inside a virtual environment, what `enter` is to complete.
+    """Record, in a virtual environment, the variables for `enter`.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def record(prefix, environment, clean):
 
 
 def enter():
-    """Complete the environment of this interpreter, starting it once more where necessary."""
+    """Complete the environment of this interpreter, with one restart if necessary."""
     if sys.orig_argv[1:] and Path(sys.orig_argv[1]).name == COLCON_SCRIPT:
         return
     try:

@@ -1,4 +1,4 @@
-"""Set up everything the suite needs, in the folder it was checked out to: `make setup`.
+"""Set-up of the suite in its checkout: `make setup`.
 
 Makes the virtual environment `.venv`, installs the pinned packages of `requirements/` and ROS 2
 Jazzy (that of /opt/ros/jazzy where it is installed, wheels otherwise), builds `ros2_ws`, and
@@ -25,7 +25,7 @@ ROS = Path('/opt/ros/jazzy')
 ROOT = Path(__file__).resolve().parents[1]
 # Installed size of wheels, environment and build, with pip's temporary files [byte].
 SPACE = 3_000_000_000
-# What a shell that sourced some ROS hands down, and what would slow every later start.
+# Variables inherited from a shell with ROS, and others that would slow every start.
 INHERITED = {
     'AMENT_PREFIX_PATH',
     'CMAKE_PREFIX_PATH',
@@ -45,7 +45,7 @@ NO_NETWORK = re.compile(
 
 
 class SetupError(Exception):
-    """What stops set-up, in one line that says what to do."""
+    """Error of set-up; one line with the remedy."""
 
 
 def digest(*parts):
@@ -72,7 +72,7 @@ def digest(*parts):
 
 
 def failure(command, output):
-    """One line for a command that failed, from what it printed.
+    """One line about a failed command, from its output.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def failure(command, output):
 
 
 class Setup:
-    """The steps of set-up for one checkout.
+    """Steps of set-up for one checkout.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ class Setup:
         self.did_something = False
 
     def run(self):
-        """Do every step whose ingredients changed."""
+        """Run every step with changed inputs."""
         if re.search(r'\s', str(self.root)):
             raise SetupError(
                 f'"{self.root}" contains a space, which ROS\'s scripts cannot take: '
@@ -155,7 +155,7 @@ class Setup:
         try:
             self.step(4, 'ROS 2 workspace', digest(str(sources)), lambda: self.build(sources))
         except SetupError as error:
-            # The packages that were built stay usable while someone mends the others.
+            # The packages built so far stay usable.
             broken = error
         built = digest(str(sorted(self.stamps.get('packages', {}).items())))
         self.step(
@@ -166,20 +166,20 @@ class Setup:
         )
         if broken:
             raise broken
-        warm = sorted(
+        compiled = sorted(
             name for name, path in packages.items() if (path / name / 'precompile.py').exists()
         )
-        self.step(6, 'compiled kernels', digest(built, *warm), lambda: self.warm(warm))
+        self.step(6, 'compiled kernels', digest(built, *compiled), lambda: self.compile(compiled))
         if not self.did_something:
             print('setup: up to date')
 
     def requirements(self):
-        """Files of pinned packages that this machine needs, in the order of their names."""
+        """Files of pinned packages for this machine, in the order of their names."""
         files = sorted(self.root.glob('requirements/*.txt'))
         return [f for f in files if not (self.ros and f.stem == 'ros')]
 
     def step(self, number, label, key, action):
-        """Do one step, unless it was done with the same ingredients before."""
+        """Run one step, unless it was run with the same inputs before."""
         if self.stamps.get(label) == key:
             return
         self.did_something = True
@@ -196,7 +196,7 @@ class Setup:
         self.stamps_file.write_text(json.dumps(self.stamps, indent=1))
 
     def show(self, note, end=''):
-        """Tell how the present step goes, with the seconds it has taken.
+        """Print the progress of the present step, with its seconds so far.
 
         A terminal's line is rewritten; a file gets the step once at its start and once at its end.
         """
@@ -207,7 +207,7 @@ class Setup:
             print(f' ... {elapsed}', end=end, flush=True)
 
     def command(self, what, command, environment, cwd=None):
-        """Run a command, its output going to the log, and wait for it.
+        """Run a command with its output in the log, and wait for it.
 
         Raises
         ------
@@ -255,7 +255,7 @@ class Setup:
         )
 
     def install(self, requirements):
-        """Step 2: exactly the pinned packages; they are complete, so pip need not resolve."""
+        """Step 2: exactly the pinned packages; they are complete, so pip does not resolve."""
         files = [option for path in requirements for option in ('-r', str(path))]
         self.command(
             'installing packages',
@@ -279,7 +279,7 @@ class Setup:
         return ros_environment.completed(self.clean, ros_environment.wheels(self.venv))
 
     def build(self, sources):
-        """Step 4: build the packages that changed, from scratch so that nothing stale stays.
+        """Step 4: build the changed packages from scratch, without stale files.
 
         Parameters
         ----------
@@ -314,7 +314,7 @@ class Setup:
             self.stamps_file.write_text(json.dumps(self.stamps, indent=1))
 
     def record_environment(self):
-        """Step 5: make `.venv/bin/python` and `.venv/bin/traction` complete by themselves."""
+        """Step 5: make `.venv/bin/python` and `.venv/bin/traction` independent of the shell."""
         script = self.workspace / 'install' / 'local_setup.bash'
         complete = ros_environment.sourced(script, self.ros_variables())
         ros_environment.record(self.venv, complete, self.clean)
@@ -329,8 +329,8 @@ class Setup:
         command.write_text(f'#!/bin/sh\nexec "{installed / "traction"}" "$@"\n')
         command.chmod(0o755)
 
-    def warm(self, names):
-        """Step 6: compile the numerical kernels once, so that a node does not at its start."""
+    def compile(self, names):
+        """Step 6: compile the numerical kernels, so that nodes start fast."""
         for name in names:
             self.command(
                 f'compiling the kernels of {name}',
@@ -342,7 +342,7 @@ class Setup:
 def main():
     """Set up the checkout this file lies in; returns the exit status."""
     with open(__file__) as lock:
-        # Two at a time, say from two terminals, would build into the same folders.
+        # Lock: two processes would build in the same folders.
         fcntl.flock(lock, fcntl.LOCK_EX)
         ros = ROS if ROS.is_dir() else None
         python = os.path.realpath(getattr(sys, '_base_executable', sys.executable))
