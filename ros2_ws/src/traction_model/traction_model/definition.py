@@ -1,4 +1,4 @@
-"""Reading of definitions (soils, vehicles) from YAML with errors that name the culprit."""
+"""Definitions (soils, vehicles) from YAML, with errors that name file and key."""
 
 import re
 from collections.abc import Iterable
@@ -11,29 +11,29 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from traction_node.closest import closest
 
 LONGEST_TEXT = 16 * 1024 * 1024
-"""Characters of a file, more are refused."""
+"""Limit of the length of a file, characters."""
 
 LONGEST_SCALAR = 3000
-"""Characters of an unquoted value: longer numbers cannot be written out again."""
+"""Limit of an unquoted value, characters: Python cannot print longer integers."""
 
 DEEPEST = 32
-"""Levels of lists and mappings in one another, more are refused."""
+"""Limit of the nesting of lists and mappings, levels."""
 
 MAX_VALUES = 1_000_000
-"""Values of a file once its aliases are written out."""
+"""Limit of the number of values of a file, with aliases expanded."""
 
 LONGEST = 60
-"""Characters of a wrong value that an error shows."""
+"""Number of characters of a wrong value shown in an error."""
 
 Model = TypeVar('Model', bound='Definition')
 
 
 class DefinitionError(ValueError):
-    """A definition that cannot be used; the text names file, key and reason."""
+    """Invalid definition; the text names file, key and reason."""
 
 
 class Definition(BaseModel):
-    """Base of soils, wheels and vehicles: frozen, no unknown keys, no NaN or infinity."""
+    """Base class of soils, wheels and vehicles: frozen, no unknown keys, no NaN or infinity."""
 
     model_config = ConfigDict(frozen=True, extra='forbid', allow_inf_nan=False)
 
@@ -44,7 +44,7 @@ def read_text(path: Path) -> str:
     Parameters
     ----------
     path : Path
-        File to read, UTF-8, with or without the mark that spreadsheets begin it with.
+        File to read, UTF-8, with or without a byte order mark.
 
     Returns
     -------
@@ -76,7 +76,7 @@ def read_yaml(path: Path, kind: type = dict) -> Any:
     path : Path
         File to read.
     kind : type
-        What it must hold, `dict` or `list`.
+        Expected type, `dict` or `list`.
 
     Returns
     -------
@@ -86,10 +86,10 @@ def read_yaml(path: Path, kind: type = dict) -> Any:
     Raises
     ------
     DefinitionError
-        If the file is missing, is not YAML, or does not hold what it must.
+        If the file is missing, is not YAML, or has another type.
     """
     try:
-        # The parser in C where there is one: gain tables hold tens of thousands of numbers.
+        # C parser if available, since gain tables have tens of thousands of numbers.
         loader = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
         text = read_text(path)
         _check_limits(path, text, loader)
@@ -99,7 +99,7 @@ def read_yaml(path: Path, kind: type = dict) -> Any:
     except yaml.YAMLError as error:
         raise DefinitionError(f'{path}: not valid YAML: {error}') from error
     except Exception as error:
-        # Values that their own tag does not fit surface as KeyError, IndexError and others.
+        # A value that does not suit its tag raises KeyError, IndexError and others.
         raise DefinitionError(
             f'{path}: not valid YAML: a value cannot be read: {error!r}'
         ) from error
@@ -110,13 +110,13 @@ def read_yaml(path: Path, kind: type = dict) -> Any:
 
 
 def _check_limits(path: Path, text: str, loader: Any) -> None:
-    """Walk the text event by event, which takes no memory, before anything is built.
+    """Check the parser's events one by one, before objects are built.
 
-    Aliases count as what they stand for: a few that repeat one another would grow without end
-    where they are written out, and one within itself has no end.
+    Aliases count with the size of their content: nested aliases expand without limit, and an alias
+    within itself never ends.
     """
     sizes: dict[str, int | None] = {}
-    # Of every list and mapping around: its anchor, and the values before it.
+    # Anchor of every enclosing list and mapping, and number of values before it.
     around: list[tuple[str | None, int]] = []
     count = 0
     for event in yaml.parse(text, loader):
@@ -148,16 +148,16 @@ def _check_limits(path: Path, text: str, loader: Any) -> None:
 
 
 def build(model: type[Model], content: Any, where: str) -> Model:
-    """Build a definition from a mapping, naming place and key of the first fault.
+    """Definition from a mapping; the error names place and key of the first fault.
 
     Parameters
     ----------
     model : type
-        The class to build.
+        Class of the definition.
     content : dict
         Its keys and values.
     where : str
-        Named in the error, e.g. the file.
+        Place for the error, such as the file.
 
     Returns
     -------
@@ -172,7 +172,7 @@ def build(model: type[Model], content: Any, where: str) -> Model:
     try:
         return model.model_validate(content)
     except ValidationError as error:
-        # A mistyped key is missing as well: the typing error is what to tell.
+        # With a mistyped key another one is missing; report the mistyped one.
         faults = _of_likeliest_members(model, error.errors())
         fault = next((f for f in faults if f['type'] == 'extra_forbidden'), faults[0])
         members = _members(model, fault['loc'])
@@ -187,7 +187,7 @@ def build(model: type[Model], content: Any, where: str) -> Model:
         elif fault['type'] == 'missing':
             reason = 'missing'
         elif fault['type'] == 'value_error':
-            # A check of ours, which says all there is to say.
+            # The text of the own checks is complete.
             reason = str(fault['ctx']['error'])
         else:
             given = repr(fault['input'])
@@ -196,7 +196,7 @@ def build(model: type[Model], content: Any, where: str) -> Model:
 
 
 def _nested(annotation: Any) -> list[type[BaseModel]]:
-    """Models that a field's value may be of, or its elements."""
+    """Models in the annotation of a field."""
     return [
         candidate
         for candidate in (annotation, *getattr(annotation, '__args__', ()))
@@ -207,9 +207,9 @@ def _nested(annotation: Any) -> list[type[BaseModel]]:
 def _members(
     model: type[BaseModel], location: tuple[int | str, ...]
 ) -> dict[tuple[int | str, ...], type[BaseModel]]:
-    """Members of unions that a location passes.
+    """Members of unions in a location.
 
-    It holds their names, or ``function-after[_check(), Name]`` where they check themselves.
+    A location has their names, or ``function-after[_check(), Name]`` for models with a validator.
     """
     members = {}
     candidates = [model]
@@ -224,7 +224,7 @@ def _members(
 
 
 def _of_likeliest_members(model: type[BaseModel], faults: list[Any]) -> list[Any]:
-    """Keep, of the faults of a union's members, those of the member with the fewest."""
+    """Faults of a union, restricted to its member with the fewest faults."""
     counts: dict[tuple[int | str, ...], dict[tuple[int | str, ...], int]] = {}
     for fault in faults:
         for member in _members(model, fault['loc']):
@@ -241,6 +241,6 @@ def _keys(model: type[BaseModel], location: tuple[int | str, ...]) -> Iterable[s
         if location[:k] in members:
             model = members[location[:k]]
         elif not isinstance(part, int):
-            # Of a union, its member comes next.
+            # In a union, the member is next.
             model = _nested(model.model_fields[part].annotation)[0]
     return model.model_fields

@@ -1,4 +1,4 @@
-"""Distributions of one uncertain quantity, as a definition names them."""
+"""Distributions of uncertain quantities in definitions."""
 
 import math
 from typing import Any
@@ -16,18 +16,18 @@ KINDS = ('relative', 'uniform', 'log_uniform', 'normal', 'choice')
 
 
 class Normal(Definition):
-    """A normal distribution, cut off where the quantity is no longer valid.
+    """Normal distribution, truncated to valid values of the quantity.
 
     Attributes
     ----------
     mean : float, optional
-        In the unit of the quantity; its nominal value when not given.
+        Mean, in the unit of the quantity; default: its nominal value.
     deviation : float, optional
-        Standard deviation before the cut, in the unit of the quantity, above 0.
+        Standard deviation before truncation, in the unit of the quantity, above 0.
     relative_deviation : float, optional
         The same as a share of the mean, above 0; give one of the two.
     min, max : float, optional
-        Narrower cut, in the unit of the quantity.
+        Narrower limits of truncation, in the unit of the quantity.
     """
 
     mean: float | None = None
@@ -44,10 +44,10 @@ class Normal(Definition):
 
 
 class Distribution(Definition):
-    """Distribution that one quantity is drawn from: exactly one of the attributes is given.
+    """Distribution of one quantity; exactly one of the attributes is given.
 
-    Values follow from shares of probability by the inverse distribution function, so that
-    any set of points in the unit cube (random, Latin hypercube, Sobol) can be drawn from.
+    Values are computed from probabilities by the inverse distribution function. So any set of
+    points in the unit cube (random, Latin hypercube, Sobol) can be used.
 
     Attributes
     ----------
@@ -59,9 +59,9 @@ class Distribution(Definition):
         Lower and upper end, both above 0, in the unit of the quantity: the logarithm is
         uniform.
     normal : Normal, optional
-        Normal distribution, cut off where values are not valid.
+        Normal distribution, truncated to valid values.
     choice : tuple of float or str, optional
-        Values, all alike likely, in the unit of the quantity; names of soils.
+        Values of equal probability, in the unit of the quantity; or names of soils.
     """
 
     relative: float | None = Field(default=None, gt=0)
@@ -85,7 +85,7 @@ class Distribution(Definition):
         return self
 
     def support(self, nominal: ArrayLike, least: float, most: float) -> tuple[float, float]:
-        """Range in which values lie.
+        """Range of the values.
 
         Parameters
         ----------
@@ -97,12 +97,12 @@ class Distribution(Definition):
         Returns
         -------
         low, high : float
-            Smallest and largest value that can be drawn, in the same unit.
+            Smallest and largest possible value, in the same unit.
 
         Raises
         ------
         ValueError
-            If not all of that is valid, or nothing varies; the text says why.
+            If a value in it is invalid, or nothing varies.
         """
         nominal = np.asarray(nominal, dtype=float)
         if self.choice is not None:
@@ -133,12 +133,12 @@ class Distribution(Definition):
         return float(low), float(high)
 
     def values(self, shares: Array, nominal: ArrayLike, least: float, most: float) -> NDArray[Any]:
-        """Values at shares of probability.
+        """Values at probabilities.
 
         Parameters
         ----------
         shares : ndarray, shape (k,)
-            Dimensionless, at least 0 and below 1.
+            Probabilities, dimensionless, at least 0 and below 1.
         nominal : array_like, shape () or (k,)
             Nominal value in every draw, in the unit of the quantity.
         least, most : float
@@ -147,7 +147,7 @@ class Distribution(Definition):
         Returns
         -------
         ndarray, shape (k,)
-            Numbers in the same unit, or names, for a choice of names.
+            Numbers in the same unit, or names for a choice of names.
         """
         if self.choice is not None:
             return np.asarray(np.array(self.choice)[(shares * len(self.choice)).astype(int)])
@@ -162,7 +162,7 @@ class Distribution(Definition):
         mean, deviation, lower, upper = self._normal(nominal, least, most)
         cut = (lower - mean) / deviation, (upper - mean) / deviation
         drawn = truncnorm.ppf(shares, *cut, loc=mean, scale=deviation)
-        # A share of 0 without a lower end would be minus infinity.
+        # A probability of 0 without a lower limit would give minus infinity.
         return np.asarray(np.clip(drawn, mean - 9 * deviation, mean + 9 * deviation))
 
     def _normal(

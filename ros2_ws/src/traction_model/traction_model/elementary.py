@@ -1,8 +1,8 @@
-"""Exponential and power in arithmetic alone, so that loops over points use vector instructions.
+"""Exponential and power in plain arithmetic, for vector instructions in loops over points.
 
-The processor's mathematical library takes one number a call: half to three quarters of the time
-of the stress integrals would go there (``docs/performance.md``). Both functions are within a few
-units of the last place of ``math.exp`` and ``math.pow``; the tests hold them to that.
+The mathematical library takes one number per call, which would need half to three quarters of the
+time of the stress integrals (``docs/performance.md``). Both functions agree with ``math.exp`` and
+``math.pow`` within a few units of the last place, as the tests check.
 """
 
 import math
@@ -13,7 +13,7 @@ from traction_model.kernel import inlined
 
 LN_2 = math.log(2.0)
 
-# Of exp(r) = sum of r^k/k!, |r| <= ln(2)/2: the next term is below 2e-16.
+# Coefficients of exp(r) = sum of r^k/k!, |r| <= ln(2)/2: the next term is below 2e-16.
 EXP_TERMS = tuple(1.0 / math.factorial(k) for k in range(13))
 # Of ln((1 + t)/(1 - t)) = 2*t*sum of t^(2k)/(2k + 1), |t| <= 3 - 2*sqrt(2): next below 3e-17.
 LOG_TERMS = tuple(2.0 / (2 * k + 1) for k in range(10))
@@ -29,12 +29,12 @@ MIN_BASE = 1e-300
 
 @inlined
 def exponential(x):
-    """Exponential.
+    """Exponential function.
 
     Parameters
     ----------
     x : float
-        Dimensionless, at most 709; what is below -708 counts as -708.
+        Dimensionless, at most 709; values below -708 count as -708.
 
     Returns
     -------
@@ -52,12 +52,12 @@ def exponential(x):
 
 @inlined
 def power(base, exponent):
-    """Power of a number that is not negative.
+    """Power of a non-negative number.
 
     Parameters
     ----------
     base : float
-        Any unit, at least 0; what is below 1e-300 counts as 1e-300.
+        Any unit, at least 0; values below 1e-300 count as 1e-300.
     exponent : float
         Dimensionless, above 0.
 

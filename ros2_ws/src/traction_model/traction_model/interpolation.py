@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 @kernel
 def _interpolate(coordinates, ends, rows, place, found):
-    """Sum of the corners of the cell around a place, each weighed by its share."""
+    """Weighted sum of the corners of the cell around a place."""
     axes = ends.size - 1
     cells = np.empty(axes, dtype=np.int64)
     shares = np.empty(axes)
@@ -36,7 +36,7 @@ def _interpolate(coordinates, ends, rows, place, found):
 
 
 class GridTable:
-    """Values over a grid, linear in between along every axis; beyond an end the end counts.
+    """Table over a grid, linear between grid points, constant beyond the ends.
 
     Parameters
     ----------
@@ -49,8 +49,8 @@ class GridTable:
     Raises
     ------
     ValueError
-        If an axis has fewer than 2 coordinates or does not increase, or the values have another
-        shape than the grid.
+        If an axis has fewer than 2 coordinates or does not increase, or the shape of the values
+        does not match the grid.
     """
 
     def __init__(self, axes: Sequence[ArrayLike], values: ArrayLike) -> None:
@@ -68,7 +68,7 @@ class GridTable:
         self._rows = np.ascontiguousarray(table.reshape(int(np.prod(lengths)), -1))
 
     def at(self, *place: float) -> Array:
-        """Return the value at a place.
+        """Value at a place.
 
         Parameters
         ----------
@@ -78,12 +78,12 @@ class GridTable:
         Returns
         -------
         ndarray, shape s
-            In the unit of the values.
+            Value, in the unit of the values.
 
         Raises
         ------
         ValueError
-            If their number is not that of the axes.
+            If the number of coordinates is wrong.
         """
         if len(place) != len(self._ends) - 1:
             raise ValueError(f'place must be {len(self._ends) - 1} numbers, got {len(place)}')

@@ -1,8 +1,8 @@
 """Compilation of kernels: Numba, cached on disk, or plain Python with NUMBA_DISABLE_JIT=1.
 
-Division by zero gives infinity as in C, not an exception, and the machine code is cached beside
-the module. Sums may be taken in another order, so that loops over points of a contact use the
-processor's vector instructions; NaN and infinity stay what they are.
+Division by zero gives infinity as in C, without an exception. Machine code is cached beside the
+module. Sums may be reordered, so that loops over contact points use vector instructions. NaN and
+infinity are handled as in IEEE 754.
 """
 
 from collections.abc import Callable
@@ -18,8 +18,9 @@ OPTIONS = {
     'fastmath': {'reassoc', 'contract', 'nsz', 'arcp'},
 }
 
-# Numba counts references to every array that a function takes apart, in instructions that lock
-# memory: four fifths of a step. Functions that make no array need no count, their caller has it.
+# Numba counts references to every array that a function unpacks, with locked instructions: four
+# fifths of a step. Functions that create no array do not need it, since the caller holds a
+# reference.
 UNCOUNTED = OPTIONS | {'_nrt': False}
 
 
@@ -41,13 +42,13 @@ def kernel(function: Function) -> Function:
 
 
 def lean_kernel(function: Function) -> Function:
-    """Compile a function that makes no array, for inner loops.
+    """Compile a function that creates no array, for inner loops.
 
     Parameters
     ----------
     function : callable
-        The function, within Numba's subset of Python; it changes arrays that it is given, and
-        calls functions that do so, but returns none.
+        The function, within Numba's subset of Python. It may change its array arguments, but
+        returns no array.
 
     Returns
     -------
@@ -59,9 +60,9 @@ def lean_kernel(function: Function) -> Function:
 
 
 def inlined(function: Function) -> Function:
-    """Compile a function as `lean_kernel` does, to be merged into each kernel that calls it.
+    """Compile a function as `lean_kernel`, inlined into each kernel that calls it.
 
-    For small functions, and for those that are given many arrays: handing one array over costs
+    It is for small functions, and for functions with many array arguments: passing one array costs
     as much as ten multiplications.
 
     Parameters

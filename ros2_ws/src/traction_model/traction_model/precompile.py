@@ -1,4 +1,4 @@
-"""Compile the kernels once, so that a node does not have to when it starts."""
+"""Compilation of the kernels at set-up, so that nodes start fast."""
 
 from traction_model.contact.contact import Form
 from traction_model.contact.tractive import tractive_figures
@@ -20,7 +20,7 @@ def main() -> None:
     for form in Form:
         plant = Plant(vehicle, terrain, form=form)
         plant.step([100.0], 0.01)
-    # What the node asks a plant.
+    # Functions of the plant used by the node.
     _ = plant.slip, plant.slip_valid, plant.max_shear_stress, plant.external_resistance
     tractive_figures(load_soil('paper_sand'), vehicle, [0.1])
     curve.net_traction_ratio([0.1])

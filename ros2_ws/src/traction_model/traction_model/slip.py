@@ -1,4 +1,4 @@
-"""Slip: its definition, and the speed below which it means nothing."""
+"""Slip: definition, and smallest speed of valid slip."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -6,16 +6,15 @@ from numpy.typing import ArrayLike, NDArray
 from traction_model.kernel import inlined, kernel
 
 MIN_SPEED = 0.3
-"""Speed below which slip is not valid, m/s, of the wheel rim or the vehicle."""
+"""Speed of rim or vehicle below which slip is not valid, m/s."""
 
 
 @inlined
 def slip(v, rim_speed):
     """Slip of a wheel, equation (16) of Agriculture 2024, 14(3), 499.
 
-    ``1 - v/(r*omega)`` when driving, ``r*omega/v - 1`` when braking; in reverse as when
-    going forward, so that positive slip always goes with thrust along the motion. Zero at
-    standstill.
+    ``1 - v/(r*omega)`` when driving, ``r*omega/v - 1`` when braking. In reverse it has the same
+    sign as forward: positive slip gives thrust in the direction of motion. Zero at standstill.
 
     Parameters
     ----------
@@ -68,7 +67,7 @@ def slips(v, rim_speeds):
 
 @inlined
 def is_valid(v, rim_speed, min_speed):
-    """Tell whether slip means anything at these speeds.
+    """True if slip is valid at these speeds.
 
     Parameters
     ----------
@@ -77,18 +76,18 @@ def is_valid(v, rim_speed, min_speed):
     rim_speed : float
         r*omega, m/s.
     min_speed : float
-        Speed that one of them must reach, m/s, at least 0.
+        Smallest value of the larger speed, m/s, at least 0.
 
     Returns
     -------
     bool
-        True when slip is defined well enough to act on.
+        True if slip can be used.
     """
     return max(abs(v), abs(rim_speed)) >= min_speed
 
 
 def checked_slip(slip: ArrayLike) -> NDArray[np.float64]:
-    """Refuse what is not a slip.
+    """Array of slips, checked.
 
     Parameters
     ----------
@@ -98,12 +97,12 @@ def checked_slip(slip: ArrayLike) -> NDArray[np.float64]:
     Returns
     -------
     ndarray
-        The same as numbers, -1 to 1.
+        The slips, -1 to 1.
 
     Raises
     ------
     ValueError
-        If one of them is not a number from -1 to 1.
+        If a value is outside -1 to 1 or not a number.
     """
     array = np.asarray(slip, dtype=float)
     wrong = array[~(np.abs(array) <= 1)]

@@ -1,13 +1,13 @@
 """Contact of one wheel with soil: load, thrust, motion resistance and moment in all forms.
 
-All forms share one interface: from speed, wheel speed, sinkage and its rate they give
+All forms have one interface. Inputs are speed, wheel speed, sinkage and its rate; outputs are
 
-- ``load`` N, the soil's upward force on the wheel,
+- ``load`` N, upward force of the soil on the wheel,
 - ``thrust`` F and ``resistance`` R, whose difference is the net horizontal force,
-- ``moment`` M, the soil's moment about the wheel's centre, positive when it resists.
+- ``moment`` M, moment of the soil about the wheel's centre, positive when it resists.
 
-A load that is known, as when sinkage is measured, may be imposed: normal stress is then scaled
-so that the soil carries just that load, and thrust, resistance and moment follow.
+A known load can be imposed, for example with measured sinkage. Normal stress is then scaled to
+carry this load, and thrust, resistance and moment change accordingly.
 
 Sources: Agriculture 2024, 14(3), 499 (*the paper*), equations (17) to (25); M. G. Bekker,
 Introduction to Terrain-Vehicle Systems, 1969; J. Y. Wong and A. R. Reece, Prediction of rigid
@@ -50,14 +50,14 @@ class Form(IntEnum):
     Attributes
     ----------
     PAPER
-        Thrust with kappa = 1/y, the paper's (22) without the exponential: right above about
-        10 % slip only.
+        Thrust with kappa = 1/y, the paper's (22) without the exponential: valid above about 10 %
+        slip only.
     BEKKER_WONG
         Thrust with kappa = (1 - exp(-y))/y, the paper's (18), (19) and nonlinear model (21).
     CONTACT
         Stresses integrated over the contact arc, after Wong and Reece.
     EMPIRICAL
-        The soil's traction curve, over the load that a flat plate carries.
+        Traction curve of the soil, times the load of a flat plate.
     """
 
     PAPER = 0
@@ -66,19 +66,19 @@ class Form(IntEnum):
     EMPIRICAL = 3
 
 
-# The same as the kernels are told.
+# The same as integers, for kernels.
 PAPER, BEKKER_WONG, CONTACT, EMPIRICAL = (int(form) for form in Form)
 
 
 def check_form(form: Form, soils: Iterable[Soil]) -> None:
-    """Refuse soils that lack what a form needs.
+    """Check that soils have the parameters of a form.
 
     Parameters
     ----------
     form : Form
         Form of the contact model.
     soils : iterable of Soil
-        The soils that it is to be used on.
+        Soils for this form.
 
     Raises
     ------
@@ -93,22 +93,22 @@ def check_form(form: Form, soils: Iterable[Soil]) -> None:
 
 
 MIN_TRANSIT_SPEED = 0.05
-"""Speed below which soil is taken to pass under the wheel at this speed, m/s.
+"""Smallest speed of soil under the wheel in the shear displacement, m/s.
 
-It bounds the shear displacement at standstill, where the stress integral has no limit.
+It bounds the shear displacement at standstill, where the integral diverges.
 """
 
 FREE = -1.0
-"""In place of an imposed load, N: the soil carries what sinkage makes it carry."""
+"""Value of `imposed` without an imposed load, N: the load follows from sinkage."""
 
 _NODES, _WEIGHTS = (array for array in np.polynomial.legendre.leggauss(12))
-# On (0, 1) for each part of the contact, closer together towards its front: pressure and shear
-# rise from nothing there, like a power of the distance.
+# Points on (0, 1) for each part of the contact, closer together towards its front, where pressure
+# and shear rise from 0 like a power of the distance.
 NODES = ((_NODES + 1) / 2) ** 2
 WEIGHTS = _WEIGHTS * (_NODES + 1) / 2
 
-# Terms of the sine and cosine series: on +-pi/2, half the widest contact, what is left out is
-# below 7e-12, on +-1 below 3e-15. Unlike math.sin they go through vector instructions.
+# Terms of the sine and cosine series. Error on +-pi/2, half the widest contact: below 7e-12; on
+# +-1: below 3e-15. Unlike math.sin they compile to vector instructions.
 SINE = tuple((-1) ** k / math.factorial(2 * k + 1) for k in range(8))
 COSINE = tuple((-1) ** k / math.factorial(2 * k) for k in range(9))
 
@@ -118,7 +118,7 @@ UNTOUCHED = fresh_ruts(0, 0.0)
 
 @inlined
 def shear_deficit(y):
-    """Share of the shear strength not yet mobilised along the contact, kappa in the paper's (19).
+    """Share of the shear strength not mobilised along the contact, kappa in the paper's (19).
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def shear_deficit(y):
         ``(1 - exp(-y))/y``, from 1 at y = 0 towards 0.
     """
     if y < 0.02:
-        # The series; its next term is below 1e-13. math.expm1 takes three times as long as exp.
+        # Series; the next term is below 1e-13. math.expm1 takes three times as long as exp.
         rest = 1.0 - y / 4.0 * (1.0 - y / 5.0 * (1.0 - y / 6.0))
         return 1.0 - y / 2.0 * (1.0 - y / 3.0 * rest)
     return (1.0 - math.exp(-y)) / y
@@ -139,16 +139,16 @@ def shear_deficit(y):
 
 @inlined
 def mobilised(y, law, residual, hump):
-    """Share of the shear strength mobilised at a shear displacement, by the soil's law.
+    """Share of the shear strength mobilised at a shear displacement, by the shear law.
 
     Parameters
     ----------
     y : float
         Shear displacement over K, dimensionless, at least 0.
     law : float
-        The law's number, see `traction_model.soil.soil.SHEAR_LAWS`.
+        Number of the law, see `traction_model.soil.soil.SHEAR_LAWS`.
     residual, hump : float
-        The law's parameters, dimensionless.
+        Parameters of the law, dimensionless.
 
     Returns
     -------
@@ -165,7 +165,7 @@ def mobilised(y, law, residual, hump):
 
 @inlined
 def mean_mobilised(y, soil):
-    """Mean of `mobilised` over a contact along which shear displacement grows evenly.
+    """Mean of `mobilised` over a contact with linearly growing shear displacement.
 
     Parameters
     ----------
@@ -196,7 +196,7 @@ def mean_mobilised(y, soil):
 
 @inlined
 def slip_along_path(v, rim):
-    """Slip that passes evenly through standstill, for the closed forms.
+    """Slip for the closed forms, continuous through standstill.
 
     Parameters
     ----------
@@ -206,7 +206,7 @@ def slip_along_path(v, rim):
     Returns
     -------
     float
-        Slip, -1 to 1, along the path positive, whichever way the wheel goes.
+        Slip, -1 to 1, positive in the direction of the path, for either direction of motion.
     """
     slipping = (rim - v) / max(abs(v), abs(rim), MIN_TRANSIT_SPEED)
     return max(-1.0, min(1.0, slipping))
@@ -216,9 +216,8 @@ def slip_along_path(v, rim):
 def plate_contact(form, v, omega, z, z_rate, soil, radius, width, imposed):
     """Forces on a wheel by the forms `PAPER`, `BEKKER_WONG` and `EMPIRICAL`.
 
-    The contact is a flat plate of width b and of the length the sinkage gives it,
-    ``sqrt(2*r*z - z^2)``; resistance is Bekker's compaction resistance (25). `EMPIRICAL` takes
-    only the load from it.
+    The contact is a flat plate of width b and length ``sqrt(2*r*z - z^2)``; resistance is Bekker's
+    compaction resistance (25). `EMPIRICAL` uses only its load.
 
     Parameters
     ----------
@@ -238,8 +237,8 @@ def plate_contact(form, v, omega, z, z_rate, soil, radius, width, imposed):
     Returns
     -------
     load, thrust, resistance, moment : float
-        N, N, N, N·m. `PAPER` gives no thrust where its kappa exceeds 1 (below about 10 %
-        slip), where the formula would push the wrong way.
+        N, N, N, N·m. Thrust of `PAPER` is 0 where its kappa exceeds 1 (below about 10 % slip),
+        since the formula would change its sign there.
     """
     if z <= 0.0:
         return 0.0, 0.0, 0.0, 0.0
@@ -250,7 +249,7 @@ def plate_contact(form, v, omega, z, z_rate, soil, radius, width, imposed):
     if load < 0.0:
         load = area * (soil[MODULUS] * z ** soil[N_EXP] + soil[DAMPING] * max(z_rate, 0.0))
 
-    # Fades out at standstill, where resistance has no direction.
+    # Linear through standstill, where resistance has no direction.
     rolling = max(-1.0, min(1.0, v / MIN_TRANSIT_SPEED))
     rim = radius * omega
     slipping = slip_along_path(v, rim)
@@ -272,25 +271,24 @@ def plate_contact(form, v, omega, z, z_rate, soil, radius, width, imposed):
 
 @inlined
 def pressure(sunk, depth, surface, held, soil):
-    """Pressure of soil that may have been pressed before.
+    """Pressure of soil with a compression history.
 
     Parameters
     ----------
     sunk : float
-        How deep it is pressed now, m.
+        Present depth of compression, m.
     depth, surface : float
-        To which depth it was pressed before, 0 when fresh, and to which it sprang back, m.
+        Earlier depth of compression, 0 for undisturbed soil, and depth after rebound, m.
     held : float
-        Pressure at which it was left, Pa.
+        Pressure at the earlier depth, Pa.
     soil : ndarray, shape (17,)
         A packed soil, SI units.
 
     Returns
     -------
     float
-        Pa: along the elastic modulus up to the depth before, then along the pressure-sinkage
-        law. Where soil would spring back above the ground by its elastic modulus, along the
-        straight line from there.
+        Pa: elastic up to the earlier depth, then by the pressure-sinkage law. If the rebound would
+        reach above the ground, the elastic line starts at the ground.
     """
     fresh = soil[MODULUS] * power(max(sunk, 0.0), soil[N_EXP])
     if sunk >= depth:
@@ -302,31 +300,31 @@ def pressure(sunk, depth, surface, held, soil):
 
 @inlined
 def stresses(loading, reloading, law, part, motion, soil, rebound):
-    """Integrals of the stresses over a part of the contact in which nothing jumps.
+    """Integrals of the stresses over a part of the contact without discontinuities.
 
     Parameters
     ----------
     loading, reloading : bool
-        Whether the soil is pressed down here, and whether along its elastic line.
+        True if the soil is compressed here; true if it is on its elastic line.
     law : float
         Number of the shear law.
     part : tuple of float
-        Middle and length of the part, rad; at its front the antiderivative of the rim's speed
-        over the ground, m/s, and the shear displacement, m.
+        Middle and length of the part, rad; antiderivative of the rim's speed over the ground, m/s,
+        and shear displacement, m, at its front.
     motion : tuple of float
         z m, z' m/s, rim speed m/s, v m/s, r m, shear displacement per swept speed s, and
         `shear_step` of `arc_stresses` s.
     soil : tuple of float
         k, n, D, elastic modulus, residual ratio, hump, 1/K; SI units.
     rebound : tuple of float
-        Surface of soil that was pressed before, m, and the slope of its elastic line, Pa/m;
-        pressure where the rim begins to rise, Pa, and the angle at which it does, rad.
+        Surface of compressed soil, m, and slope of its elastic line, Pa/m; pressure where the rim
+        starts to rise, Pa, and the angle there, rad.
 
     Returns
     -------
     load, shear, friction, shear_moment, friction_moment, compaction : float
-        Of normal stress, mobilised share, the product of both, these two again times the
-        cosine, and normal stress times the sine; Pa, or dimensionless, per element ``b*r``.
+        Integrals of normal stress, mobilised share, their product, the last two times the cosine,
+        and normal stress times the sine; Pa, or dimensionless, per element ``b*r``.
     """
     middle, span, swept_before, displacement = part
     z, z_rate, rim, v, radius, per_transit, shear_step = motion
@@ -382,12 +380,12 @@ def stresses(loading, reloading, law, part, motion, soil, rebound):
 def arc_stresses(
     v, omega, z, z_rate, side, x, soils, starts, radius, width, depth, shear, shear_step
 ):
-    """Stresses over the contact arc of a strip of wheel that meets soil at one side.
+    """Stresses over the contact arc of a strip of the wheel that enters soil at one side.
 
-    Seen so that the wheel goes towards positive theta. Soil is entered where the rim meets its
-    surface. It is left where the rim no longer moves down over the ground, behind the bottom of
-    a wheel that sinks, ahead of it for one that rises: at ``tan(theta) = -z'/v``. From there it
-    springs back, along its elastic modulus.
+    The wheel moves towards positive theta. Entry is where the rim reaches the surface. The soil is
+    compressed up to ``tan(theta) = -z'/v``, where the depth of the rim no longer grows: behind the
+    bottom of a sinking wheel, ahead of it for a rising one. Then it springs back by its elastic
+    modulus.
 
     Parameters
     ----------
@@ -396,41 +394,39 @@ def arc_stresses(
     z, z_rate : float
         Sinkage, m, above 0 and at most r, and its rate, m/s, downward positive.
     side : float
-        1 where the entry lies ahead along the path, -1 where it lies behind.
+        1 if the entry is ahead along the path, -1 if it is behind.
     x : float
-        Place of the wheel's centre along the path, m.
+        Position of the wheel's centre along the path, m.
     soils : ndarray, shape (k, 17)
         Packed soils, SI units.
     starts : ndarray, shape (k,)
-        Where each soil begins, m, the first minus infinity.
+        Start of each soil, m; the first is minus infinity.
     radius, width : float
         r and the strip's width, m.
     depth : float
-        To which the soil was pressed before, m; 0 when fresh.
+        Earlier depth of compression, m; 0 for undisturbed soil.
     shear : float
-        Shear displacement that the soil has seen before, m.
+        Earlier shear displacement of the soil, m.
     shear_step : float
-        Time of shearing, s, that soil has behind it as soon as it is touched: 0 but where a
-        simulation with time steps this long is reproduced.
+        Time of shear before contact, s: 0, or the time step of a simulation to reproduce.
 
     Returns
     -------
     load : float
         Upward force, N.
     friction, cohesion : float
-        Horizontal force, N, by friction under the normal stress and by cohesion.
+        Horizontal force, N, from friction under normal stress and from cohesion.
     friction_moment, cohesion_moment : float
         Their moments about the centre over r, N.
     compaction : float
         Moment of the normal stress about the centre over r, N.
     displacement : float
-        Shear displacement of the soil as it is left, m.
+        Shear displacement of the soil at the exit, m.
     """
     transit = max(abs(v), MIN_TRANSIT_SPEED)
     rim = radius * omega
-    # Where rim and ground go at the same speed, and where soil that was pressed before yields
-    # again, stresses jump or have a kink.
-    # Below `turning` either way the rim goes as it turns, beyond against the wheel's motion.
+    # Stresses are not smooth where rim and ground have equal speed, and where compressed soil
+    # yields again. Between +-`turning` shear drives the wheel forward, outside it resists.
     turning = math.pi
     if rim == 0.0 or v / rim >= 1.0:
         turning = -math.pi
@@ -449,14 +445,14 @@ def arc_stresses(
     motion = (z, z_rate, rim, v, radius, radius / transit, shear_step)
     before = shear
     displacement = 0.0
-    # Soil by soil, as the wheel meets them.
+    # Soil by soil, from the entry on.
     rear = soil_row(x - radius, starts)
     front = soil_row(x + radius, starts)
     for turn in range(front - rear + 1):
         row = front - turn if side > 0.0 else rear + turn
         here = soils[row]
         held = here[MODULUS] * depth ** here[N_EXP]
-        # Soil that was pressed before has sprung back.
+        # Surface of compressed soil after rebound.
         surface = max(depth - held / here[ELASTIC_MODULUS], 0.0)
         if z <= surface:
             continue
@@ -468,7 +464,7 @@ def arc_stresses(
         if here[ELASTIC_MODULUS] < math.inf:
             deepest = z - radius * (1.0 - math.cos(leaving))
             peak = pressure(deepest, depth, surface, held, here)
-            # The rim rises from its deepest place by r*(1 - cos(theta - leaving))/cos(leaving).
+            # The rim rises from its deepest point by r*(1 - cos(theta - leaving))/cos(leaving).
             rise = peak / here[ELASTIC_MODULUS] * math.cos(leaving) / radius
             rear_angle = max(leaving - math.acos(max(0.0, 1.0 - rise)), -math.pi / 2.0)
         if front > rear:
@@ -498,7 +494,7 @@ def arc_stresses(
             loading = middle > leaving
             reloading = z - radius * (1.0 - math.cos(middle)) < depth
             part = (middle, span, swept, before + displacement)
-            # What is known beforehand leaves loops without branches, which are twice as quick.
+            # Conditions are evaluated before the loops: without branches they are twice as fast.
             if law != JANOSI_HANAMOTO:
                 sums = stresses(loading, reloading, law, part, motion, stiffnesses, rebound)
             elif not loading:
@@ -518,7 +514,7 @@ def arc_stresses(
             displacement += radius / transit * abs(swept_before - swept)
             start = stop
     element = width * radius
-    # Soil ahead cannot turn a wheel that turns against the motion.
+    # Soil ahead cannot drive a wheel that turns against the motion.
     rolling = max(0.0, min(1.0, 1.0 + rim / transit))
     return (
         load * element,
@@ -537,14 +533,14 @@ def arc_contact(
 ):
     """Forces on a wheel by stresses integrated over the contact arc, form `CONTACT`.
 
-    Normal stress acts vertically, shear stress horizontally, both per horizontal area, as in
-    Chrono's SCM; shear displacement is integrated in closed form. A wheel wider than the rut
-    that it meets runs on fresh soil beside it. Within `MIN_TRANSIT_SPEED` of standstill the
-    contact passes evenly from one side of the wheel to the other, and ruts fade out.
+    Normal stress is vertical, shear stress horizontal, both per horizontal area, as in Chrono's
+    SCM. Shear displacement is integrated in closed form. A wheel wider than its rut runs on
+    undisturbed soil beside it. Within `MIN_TRANSIT_SPEED` of standstill the contact changes
+    linearly from one side of the wheel to the other, without ruts at standstill.
 
-    In front of the angle at which ``r*omega*cos(theta) = v`` the rim shears soil forward, so that
-    thrust grows with load only while the whole contact lies behind it, ``z < r*i`` when driving
-    on fresh soil. A wheel that is sunk deeper loses thrust at little slip as it sinks further.
+    In front of the angle with ``r*omega*cos(theta) = v`` the rim shears soil forward. So thrust
+    grows with load only while the whole contact is behind it, ``z < r*i`` when driving on
+    undisturbed soil. At larger sinkage and small slip, thrust decreases with sinkage.
 
     Parameters
     ----------
@@ -553,17 +549,17 @@ def arc_contact(
     z, z_rate : float
         Sinkage, m, and its rate, m/s, downward positive.
     x : float
-        Place of the wheel's centre along the path, m.
+        Position of the wheel's centre along the path, m.
     soils : ndarray, shape (k, 17)
         Packed soils, SI units.
     starts : ndarray, shape (k,)
-        Where each soil begins, m, the first minus infinity.
+        Start of each soil, m; the first is minus infinity.
     radius, width : float
         r and b, m.
     track : int
-        Which rut it runs in, -1 for none.
+        Index of its rut, -1 for none.
     ruts : Ruts
-        What wheels have left so far.
+        Ruts so far.
     imposed : float
         Load that the soil carries, N, or `FREE`.
     shear_step : float
@@ -574,7 +570,7 @@ def arc_contact(
     load, thrust, resistance, moment : float
         N, N, N, N·m.
     shear : float
-        Shear displacement of the soil as it is left, m.
+        Shear displacement of the soil at the exit, m.
     """
     if z <= 0.0:
         return 0.0, 0.0, 0.0, 0.0, 0.0
@@ -593,7 +589,8 @@ def arc_contact(
         if weight == 0.0:
             continue
         depth, shear, rut_width = rut_at(x + side * entry, track, ruts)
-        # At standstill both sides count as fresh, or a wheel's own rut would let it roll back.
+        # Undisturbed soil on both sides at standstill; otherwise a wheel would roll back into its
+        # rut.
         moving = max(0.0, min(1.0, side * v / MIN_TRANSIT_SPEED))
         depth *= moving
         shear *= moving
@@ -613,7 +610,7 @@ def arc_contact(
             cohesion += weight * side * part[2]
             friction_moment += weight * side * part[3]
             cohesion_moment += weight * side * part[4]
-            # Harder soil on one side does not turn a wheel that stands.
+            # Firmer soil on one side does not turn a wheel at standstill.
             compaction += moving * side * part[5]
             left = max(left, part[6])
     if imposed >= 0.0 and load > 0.0:
@@ -622,8 +619,8 @@ def arc_contact(
         friction *= scale
         friction_moment *= scale
         compaction *= scale
-    # Soil that presses on a wheel which turns against the motion gives back no more than
-    # shearing and sinking take.
+    # Energy: soil under a wheel that turns against the motion returns at most the work of shear
+    # and sinkage.
     rim = radius * omega
     taken = (friction_moment + cohesion_moment) * rim - (friction + cohesion) * v
     taken = max(taken + load * max(z_rate, 0.0), 0.0)
@@ -638,7 +635,7 @@ def arc_contact(
 def forces_at(
     form, v, omega, z, z_rate, x, soils, starts, radius, width, track, ruts, imposed, shear_step
 ):
-    """Forces on one wheel at its place along the path, by any form.
+    """Forces on one wheel at its position along the path, by any form.
 
     Parameters
     ----------
@@ -649,18 +646,17 @@ def forces_at(
     z, z_rate : float
         Sinkage, m, and its rate, m/s, downward positive.
     x : float
-        Place of the wheel's centre along the path, m.
+        Position of the wheel's centre along the path, m.
     soils : ndarray, shape (k, 17)
         Packed soils, SI units.
     starts : ndarray, shape (k,)
-        Where each soil begins, m, the first minus infinity.
+        Start of each soil, m; the first is minus infinity.
     radius, width : float
         r and b, m.
     track : int
-        Which rut it runs in, -1 for none; the closed forms take all soil for fresh, and for
-        that under the centre.
+        Index of its rut, -1 for none; closed forms use only the undisturbed soil under the centre.
     ruts : Ruts
-        What wheels have left so far.
+        Ruts so far.
     imposed : float
         Load that the soil carries, N, or `FREE`.
     shear_step : float
@@ -671,7 +667,7 @@ def forces_at(
     load, thrust, resistance, moment : float
         N, N, N, N·m: load on the wheel, thrust, motion resistance, moment about its centre.
     shear : float
-        Shear displacement of the soil as it is left, m.
+        Shear displacement of the soil at the exit, m.
     """
     if form == CONTACT:
         return arc_contact(
@@ -686,10 +682,11 @@ def forces_at(
 
 @lean_kernel
 def sinkage_at(form, v, omega, load, x, soils, starts, radius, width, track, ruts, guess):
-    """Sinkage at which the soil carries a load while the wheel neither rises nor sinks.
+    """Sinkage at which the soil carries a load, without vertical motion.
 
-    Load grows about like a power of sinkage: secant steps on logarithms, kept between a sinkage
-    that carries less and one that carries more, until the load is met to 1e-8.
+    Secant steps on logarithms, since load is nearly a power of sinkage, bracketed between a
+    sinkage with a smaller and one with a larger load, until the relative error of the load is
+    below 1e-8.
 
     Parameters
     ----------
@@ -700,30 +697,30 @@ def sinkage_at(form, v, omega, load, x, soils, starts, radius, width, track, rut
     load : float
         Load to carry, N.
     x : float
-        Place of the wheel's centre along the path, m.
+        Position of the wheel's centre along the path, m.
     soils : ndarray, shape (k, 17)
         Packed soils, SI units.
     starts : ndarray, shape (k,)
-        Where each soil begins, m, the first minus infinity.
+        Start of each soil, m; the first is minus infinity.
     radius, width : float
         r and b, m.
     track : int
-        Which rut it runs in, -1 for none.
+        Index of its rut, -1 for none.
     ruts : Ruts
-        What wheels have left so far.
+        Ruts so far.
     guess : float
-        Where to begin, m, as from the last step; 0 for nowhere in particular.
+        Initial value, m, such as that of the last step; 0: none.
 
     Returns
     -------
     float
-        Sinkage, m; 0 for no load, and r where even that depth does not carry the load.
+        Sinkage, m; 0 without load, and r if the soil does not carry the load.
     """
     if load <= 0.0:
         return 0.0
     low, high = 0.0, radius
     z = guess if 0.0 < guess < radius else radius / 10.0
-    # Plate of length like sqrt(z), pressure like z**n.
+    # Plate: length ~ sqrt(z), pressure ~ z**n.
     slope = soils[soil_row(x, starts), N_EXP] + 0.5
     carried_before = 0.0
     z_before = 0.0
@@ -756,7 +753,7 @@ def sinkage_at(form, v, omega, load, x, soils, starts, radius, width, track, rut
 
 @kernel
 def contact(form, v, omega, z, z_rate, soil, radius, width):
-    """Forces on one wheel on fresh soil that is the same all around, by any form.
+    """Forces on one wheel on undisturbed, uniform soil, by any form.
 
     Parameters
     ----------
@@ -784,7 +781,7 @@ def contact(form, v, omega, z, z_rate, soil, radius, width):
 
 @kernel
 def equilibrium_sinkage(form, v, omega, load, soil, radius, width):
-    """Sinkage under a load, in equilibrium, on fresh soil that is the same all around.
+    """Equilibrium sinkage under a load on undisturbed, uniform soil.
 
     Parameters
     ----------
@@ -802,7 +799,7 @@ def equilibrium_sinkage(form, v, omega, load, soil, radius, width):
     Returns
     -------
     float
-        Sinkage, m; 0 for no load, and r where even that depth does not carry the load.
+        Sinkage, m; 0 without load, and r if the soil does not carry the load.
     """
     return sinkage_at(
         form, v, omega, load, 0.0, soil.reshape(1, -1), EVERYWHERE, radius, width, -1, UNTOUCHED,

@@ -1,13 +1,13 @@
 """Tractive figures of wheels and vehicles in steady motion, in the terms of ASABE S296.
 
 - *Gross traction*: input torque over rolling radius, N.
-- *Net traction*: force along the motion that the wheel passes on, its drawbar pull, N.
+- *Net traction*: force of the wheel on the vehicle in the direction of motion, drawbar pull, N.
 - *Motion resistance*: gross less net traction, N.
 - *Net (dynamic) traction ratio*: net traction over the load on the soil, dimensionless.
 - *Tractive efficiency*: output power (net traction times speed) over input power (torque times
   wheel speed), dimensionless; driving, ``(1 - i)*net/gross``.
 
-Steady: no acceleration, and the wheel neither sinks nor rises.
+Steady motion: no acceleration and constant sinkage.
 """
 
 import math
@@ -25,7 +25,7 @@ from traction_model.vehicle.vehicle import Vehicle
 from traction_model.vehicle.wheel import Wheel
 
 LARGEST_SLIP = 0.9
-"""Up to which slip the best one is sought."""
+"""Upper bound of the search for the best slip."""
 
 
 class TractiveFigures(NamedTuple):
@@ -36,11 +36,11 @@ class TractiveFigures(NamedTuple):
     slip : ndarray
         Slip, -1 (locked) to 1 (spinning), any shape.
     load : float
-        N, what the soil carries.
+        N, load on the soil.
     gross_traction : ndarray, shape of `slip`
         N, input torque over rolling radius.
     thrust : ndarray, shape of `slip`
-        N, force of the soil's shear along the motion, before the soil's resistance.
+        N, shear force of the soil in the direction of motion, without resistance.
     net_traction : ndarray, shape of `slip`
         N, drawbar pull.
     """
@@ -75,7 +75,7 @@ class TractiveFigures(NamedTuple):
     def tractive_efficiency(self) -> NDArray[np.float64]:
         """Output power over input power, 0 to 1, shape of `slip`.
 
-        0 where the wheel does not pull, or takes no power.
+        0 without net traction or without input power.
         """
         slip = np.asarray(self.slip)
         output = self.net_traction * np.where(slip > 0, 1 - slip, 1.0)
@@ -85,7 +85,7 @@ class TractiveFigures(NamedTuple):
 
 
 def static_contact_length(soil: Soil, wheel: Wheel, load: float) -> float:
-    """Length of the arc on which a wheel stands, by the contact form.
+    """Contact length at standstill, by the contact form.
 
     Parameters
     ----------
@@ -130,18 +130,18 @@ def steady_contact(
     form : Form
         Form of the contact model.
     speed : float
-        m/s, above 0: the greater of ground speed and rim speed.
+        m/s, above 0: the larger of ground speed and rim speed.
 
     Returns
     -------
     sinkage, thrust, resistance, moment : float
-        m, N, N, N·m: where the soil carries the load, with thrust, the soil's resistance to
-        motion, and the moment about the wheel's centre that resists.
+        Equilibrium sinkage, m; thrust and motion resistance, N; moment about the wheel's centre,
+        N·m, positive when it resists.
 
     Raises
     ------
     ValueError
-        Naming the argument that is out of range, or if the soil does not carry the load.
+        If an argument is out of range, or the soil does not carry the load.
     """
     for name, value in (('load', load), ('speed', speed)):
         if not (math.isfinite(value) and value > 0):
@@ -150,7 +150,7 @@ def steady_contact(
     check_form(form, [soil])
     v = speed * min(1.0, 1.0 - slip)
     omega = speed * min(1.0, 1.0 + slip) / wheel.radius
-    # The one place at which steady motion meets the contact kernels.
+    # The only call of the contact kernels for steady motion.
     motion = (int(form), v, omega)
     ground = (soil.packed(wheel), wheel.radius, wheel.width)
     sinkage = equilibrium_sinkage(*motion, load, *ground)
@@ -176,9 +176,9 @@ def tractive_figures(
     Parameters
     ----------
     ground : Soil or Curve
-        A soil, or an empirical curve that stands for wheel and soil.
+        A soil, or an empirical curve of wheel and soil.
     wheel : Wheel or Vehicle
-        One wheel, or a vehicle, whose wheels all slip alike on fresh soil under their static
+        One wheel, or a vehicle, with equal slip of all wheels on undisturbed soil under static
         loads.
     slip : array_like
         Slip, -1 (locked) to 1 (spinning), any shape.
@@ -187,17 +187,17 @@ def tractive_figures(
     form : Form
         Form of the contact model; without effect on a curve.
     speed : float
-        m/s, above 0: the greater of ground speed and rim speed; without effect on a curve.
+        m/s, above 0: the larger of ground speed and rim speed; without effect on a curve.
 
     Returns
     -------
     TractiveFigures
-        The figures, of a vehicle summed over its wheels; forces in N.
+        Figures, summed over the wheels of a vehicle; forces in N.
 
     Raises
     ------
     ValueError
-        Naming the argument that is out of range, or if the soil does not carry a wheel.
+        If an argument is out of range, or the soil does not carry a wheel.
     """
     slips = checked_slip(slip)
     loaded = _loaded_wheels(wheel, load)
@@ -224,7 +224,7 @@ def tractive_figures(
 
 
 def _loaded_wheels(wheel: Wheel | Vehicle, load: float | None) -> list[tuple[Wheel, float]]:
-    """List the wheels with the load on each, N."""
+    """Wheels with the load on each, N."""
     if isinstance(wheel, Vehicle):
         if load is not None:
             raise ValueError('a vehicle brings its own loads: leave load out')
@@ -241,12 +241,12 @@ def optimum_slip(
     form: Form = Form.CONTACT,
     speed: float = 1.0,
 ) -> float:
-    """Slip of the greatest tractive efficiency, above 0 and up to 0.9.
+    """Slip of maximum tractive efficiency, above 0 and up to 0.9.
 
     Parameters
     ----------
     ground : Soil or Curve
-        A soil, or an empirical curve that stands for wheel and soil.
+        A soil, or an empirical curve of wheel and soil.
     wheel : Wheel or Vehicle
         One wheel, or a vehicle under its static loads.
     load : float, optional
@@ -264,7 +264,7 @@ def optimum_slip(
     Raises
     ------
     ValueError
-        If the wheel does not pull at any slip, or as of `tractive_figures`.
+        If net traction is not positive at any slip, or as for `tractive_figures`.
     """
 
     def efficiency(slip: ArrayLike) -> NDArray[np.float64]:
@@ -285,12 +285,12 @@ def greatest_pull_slip(
     form: Form = Form.CONTACT,
     speed: float = 1.0,
 ) -> float:
-    """Slip of the greatest net traction, above 0 and up to 0.9, where it may still rise.
+    """Slip of maximum net traction, above 0 and up to 0.9 (it may still rise there).
 
     Parameters
     ----------
     ground : Soil or Curve
-        A soil, or an empirical curve that stands for wheel and soil.
+        A soil, or an empirical curve of wheel and soil.
     wheel : Wheel or Vehicle
         One wheel, or a vehicle under its static loads.
     load : float, optional
@@ -308,7 +308,7 @@ def greatest_pull_slip(
     Raises
     ------
     ValueError
-        As of `tractive_figures`.
+        As for `tractive_figures`.
     """
     return _slip_of_most(
         lambda slip: tractive_figures(ground, wheel, slip, load, form, speed).net_traction
@@ -316,11 +316,11 @@ def greatest_pull_slip(
 
 
 def _slip_of_most(figure: Callable[[ArrayLike], NDArray[np.float64]]) -> float:
-    """Find the slip at which a figure is greatest: the best of a scan, refined about it."""
-    # Loaded on first use: it takes longer to load than the rest of the package.
+    """Slip of the maximum of a figure: scan, then refinement around the best point."""
+    # Imported on demand, since the import takes longer than that of the rest of the package.
     from scipy.optimize import minimize_scalar
 
-    # Steps of 0.5 %: no two maxima of a traction curve are nearer.
+    # Steps of 0.5 %, below the distance of maxima of a traction curve.
     scan = np.linspace(0.0, LARGEST_SLIP, 181)[1:]
     values = figure(scan)
     best = int(np.argmax(values))

@@ -1,4 +1,4 @@
-"""An LPV model as ``A0 + sum(rho_i*A_i)``, the form that linear matrix inequalities take."""
+"""LPV model as ``A0 + sum(rho_i*A_i)``, the form for linear matrix inequalities."""
 
 import itertools
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from traction_node.closest import closest
 Array = NDArray[np.float64]
 
 Coordinates = Literal['terms', 'schedule']
-"""Coordinates that an affine model is affine in: the model's `LpvModel.terms`, or rho itself."""
+"""Coordinates of an affine model: `LpvModel.terms`, or rho itself."""
 
 
 def coordinates_of(model: LpvModel, rho: Schedule, coordinates: Coordinates) -> Array:
@@ -30,12 +30,12 @@ def coordinates_of(model: LpvModel, rho: Schedule, coordinates: Coordinates) -> 
     rho : Schedule
         Scheduling vector, in the parameters' units.
     coordinates : {'terms', 'schedule'}
-        What the coordinates are.
+        Kind of coordinates.
 
     Returns
     -------
     ndarray, shape (p,)
-        Each in its own unit.
+        Coordinates, each in its own unit.
     """
     if coordinates == 'schedule':
         return rho.vector()
@@ -43,13 +43,13 @@ def coordinates_of(model: LpvModel, rho: Schedule, coordinates: Coordinates) -> 
 
 
 def _box(model: LpvModel, coordinates: Coordinates) -> tuple[Array, Array]:
-    """Least and greatest coordinates over the ranges of the model."""
+    """Smallest and largest coordinates over the ranges of the model."""
     parameters = model.parameters
     if coordinates == 'schedule':
         low = np.concatenate([entry.low for entry in parameters.values()])
         return low, np.concatenate([entry.high for entry in parameters.values()])
-    # Terms are monotone in every parameter between its extremes, and those of a wheel depend
-    # on no other: the corners, taken for all wheels at once, hold their extremes.
+    # Terms are monotone in every parameter between its extremes, and terms of a wheel depend on
+    # that wheel only. So the corners, for all wheels at once, have the extremes.
     choices = [[entry.extremes(j) for j in range(len(entry.low))] for entry in parameters.values()]
     corners = []
     for picks in itertools.product(*(range(max(map(len, per))) for per in choices)):
@@ -77,18 +77,18 @@ def _labels(model: LpvModel, coordinates: Coordinates) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class AffineModel:
-    """An LPV model as ``constant + sum(rho_i*slopes_i)``; made by `AffineModel.fit`.
+    """LPV model as ``constant + sum(rho_i*slopes_i)``; constructed by `AffineModel.fit`.
 
     Attributes
     ----------
     model : LpvModel
         The exact model.
     coordinates : {'terms', 'schedule'}
-        What rho_i are.
+        Kind of rho_i.
     names : tuple of str
         Names of the p coordinates.
     low, high : ndarray, shape (p,)
-        Their least and greatest over the ranges of the model, each in its own unit.
+        Their smallest and largest values over the ranges of the model, each in its own unit.
     constant : Matrices
         A0, B0 ... in the model's units.
     slopes : Matrices
@@ -110,22 +110,22 @@ class AffineModel:
         coordinates: Coordinates = 'terms',
         samples: Sequence[Schedule] | None = None,
     ) -> 'AffineModel':
-        """Fit by least squares; in the terms of a model with wheel speeds as states, exactly.
+        """Fit by least squares; exact in the terms of a model with wheel speeds as states.
 
         Parameters
         ----------
         model : LpvModel
-            The exact model, its ranges narrowed to what is met.
+            The exact model, with ranges narrowed to operation.
         coordinates : {'terms', 'schedule'}
             Affine in `LpvModel.terms` or in rho itself.
         samples : sequence of Schedule, optional
-            Where to fit, in the parameters' units, more than there are coordinates; ten per
-            coordinate drawn from the ranges when not given.
+            Samples for the fit, in the parameters' units, more than coordinates; default: ten per
+            coordinate, drawn from the ranges.
 
         Returns
         -------
         AffineModel
-            The fit; `error` tells how good it is. Units of the model.
+            The fit, in the units of the model; see `error` for its accuracy.
 
         Raises
         ------
@@ -151,7 +151,7 @@ class AffineModel:
         for entries in zip(*exact, strict=True):
             stacked = np.array(entries)
             flat = stacked.reshape(len(samples), -1)
-            # Each entry in units of its largest, and what is not there set to nothing after.
+            # Each entry is scaled by its largest value; entries without one are set to 0.
             size = np.abs(flat).max(axis=0)
             size[size == 0] = 1.0
             solution = np.linalg.lstsq(basis, flat / size, rcond=None)[0]
@@ -167,7 +167,7 @@ class AffineModel:
         )  # fmt: skip
 
     def at(self, place: ArrayLike) -> Matrices:
-        """Return the matrices at coordinates.
+        """Matrices at coordinates.
 
         Parameters
         ----------
@@ -177,12 +177,12 @@ class AffineModel:
         Returns
         -------
         Matrices
-            In the units of the model.
+            Matrices, in the units of the model.
 
         Raises
         ------
         ValueError
-            If their number is wrong or one is not finite.
+            If the number of coordinates is wrong or one is not finite.
         """
         values = np.asarray(place, dtype=float)
         if values.shape != self.low.shape:
@@ -198,7 +198,7 @@ class AffineModel:
         )
 
     def matrices(self, rho: Schedule) -> Matrices:
-        """Return the matrices at a scheduling vector.
+        """Matrices at a scheduling vector.
 
         Parameters
         ----------
@@ -208,17 +208,17 @@ class AffineModel:
         Returns
         -------
         Matrices
-            In the units of the model.
+            Matrices, in the units of the model.
         """
         return self.at(coordinates_of(self.model, rho, self.coordinates))
 
     def error(self, samples: Sequence[Schedule]) -> float:
-        """Return the largest error over samples.
+        """Largest error over samples.
 
         Parameters
         ----------
         samples : sequence of Schedule
-            Where to compare, in the parameters' units.
+            Samples of the comparison, in the parameters' units.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""Rank of the controllability matrix, whatever the units of states and inputs."""
+"""Rank of the controllability matrix, independent of the units of states and inputs."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,10 +7,10 @@ Array = NDArray[np.float64]
 
 
 def controllability_rank(A: Array, B: Array, tolerance: float = 1e-9) -> int:
-    """Rank of the controllability matrix [B, A*B, ...], whatever the units.
+    """Rank of the controllability matrix [B, A*B, ...], independent of units.
 
-    Rows and columns are scaled to a largest entry of 1 in turn, which changes no rank; zero
-    rows stay zero, so that a state no input reaches is never counted.
+    Rows and columns are scaled to a largest entry of 1, which does not change the rank. Zero rows
+    stay zero, so states without influence of an input do not count.
 
     Parameters
     ----------
@@ -28,8 +28,8 @@ def controllability_rank(A: Array, B: Array, tolerance: float = 1e-9) -> int:
     """
     blocks = [_scaled(B, 0)]
     for _ in range(len(A) - 1):
-        # Scaled block by block, as powers of fast and slow rates soon differ by more than
-        # numbers hold.
+        # Scaled per block, since powers of fast and slow rates differ by more than the range of
+        # floats.
         blocks.append(_scaled(A @ blocks[-1], 0))
     reach = np.hstack(blocks)
     for _ in range(3):
@@ -39,6 +39,6 @@ def controllability_rank(A: Array, B: Array, tolerance: float = 1e-9) -> int:
 
 
 def _scaled(matrix: Array, axis: int) -> Array:
-    """Matrix with the largest entry of every column (0) or row (1) made 1; zeros stay."""
+    """Matrix with columns (0) or rows (1) scaled to a largest entry of 1; zeros stay."""
     largest = np.abs(matrix).max(axis=axis, keepdims=True)
     return np.asarray(matrix / np.where(largest > 0, largest, 1.0))

@@ -1,4 +1,4 @@
-"""An LPV model of one soil as a table over operating points, interpolated linearly."""
+"""LPV model of one soil as a table over operating points, with linear interpolation."""
 
 import itertools
 
@@ -17,26 +17,26 @@ Array = NDArray[np.float64]
 
 
 class GridModel:
-    """An LPV model of one soil, its terms tabulated over slip, sinkage and speed.
+    """LPV model of one soil with its terms in a table over slip, sinkage and speed.
 
-    Between grid points the terms are interpolated linearly. With wheel speeds as states the
-    matrices are linear in them, so that matrices are interpolated; with slips as states slip
-    and speed enter exactly and the other terms from the table. Sinkage is taken to be steady.
+    Terms are interpolated linearly. With wheel speeds as states the matrices are linear in the
+    terms. With slips as states, slip and speed are exact and the other terms come from the table.
+    Sinkage rate is 0.
 
     Parameters
     ----------
     model : LpvModel
         The exact model.
     soil : Soil
-        Under all wheels, in SI units.
+        Soil under all wheels, in SI units.
     slip, sinkage, speed : array_like, shapes (a,), (b,), (c,)
-        Grid: slip of a wheel; its sinkage, m; speed, m/s, at least 0.05. Each increases, of at
-        least 2 values.
+        Grid: slip of a wheel; its sinkage, m; speed, m/s, at least 0.05. At least 2 increasing
+        values each.
 
     Raises
     ------
     ValueError
-        Naming the axis that does not increase or leaves the model's range.
+        If an axis does not increase or exceeds the range of the model.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class GridModel:
             for i, z, v in itertools.product(*self.axes.values())
         ]
         shape = tuple(len(axis) for axis in self.axes.values())
-        # Terms in the order of the points' names, one table of all entries.
+        # One table of all entries, with terms in the order of their names.
         self._sizes = {name: len(entries) for name, entries in points[0].items()}
         flat = [np.concatenate([*terms.values()]) for terms in points]
         self._table = GridTable([*self.axes.values()], np.reshape(flat, (*shape, -1)))
@@ -71,7 +71,7 @@ class GridModel:
         return self.model.terms(point.rho)
 
     def matrices(self, speed: float, slip: ArrayLike, sinkage: ArrayLike) -> Matrices:
-        """Return the interpolated matrices at an operating point.
+        """Interpolated matrices at an operating point.
 
         Parameters
         ----------
@@ -85,12 +85,12 @@ class GridModel:
         Returns
         -------
         Matrices
-            In the units of the model.
+            Matrices, in the units of the model.
 
         Raises
         ------
         ValueError
-            Naming what is outside the grid or of the wrong length.
+            If a value is outside the grid or has the wrong shape.
         """
         n = self.model.n_wheels
         given = {'slip': slip, 'sinkage': sinkage, 'speed': np.full(n, speed)}
@@ -99,7 +99,7 @@ class GridModel:
             if entries.shape != (n,):
                 raise ValueError(f'{name} must have shape ({n},), got {entries.shape}')
             axis = self.axes[name]
-            # Not so for NaN either.
+            # False for NaN, too.
             within = (entries >= axis[0]) & (entries <= axis[-1])
             if not np.all(within):
                 j = int(np.flatnonzero(~within)[0])
@@ -107,7 +107,8 @@ class GridModel:
                     f"{name} at wheel '{self.model.vehicle.wheel_names[j]}' is {entries[j]:g}, "
                     f'outside the grid: {axis[0]:g} to {axis[-1]:g}'
                 )
-        # A wheel's terms follow from its own place; those of the vehicle from the first wheel's.
+        # Terms of a wheel at its own operating point; terms of the vehicle at that of the first
+        # wheel.
         found = [self._table.at(*place) for place in np.column_stack([*given.values()])]
         terms, first = {}, 0
         for name, size in self._sizes.items():
@@ -116,14 +117,14 @@ class GridModel:
         return self.model.assemble(terms)
 
     def error(self, count: int = 200, seed: int = 0) -> float:
-        """Return the largest error over operating points drawn evenly within the grid.
+        """Largest error over operating points drawn uniformly within the grid.
 
         Parameters
         ----------
         count : int
-            How many points, at least 1.
+            Number of points, at least 1.
         seed : int
-            Of the random numbers.
+            Seed of the random numbers.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""LPV model with 1/slip as states, which the paper's (22) is linear in."""
+"""LPV model with 1/slip as states; the paper's (22) is linear in them."""
 
 from collections.abc import Mapping
 
@@ -11,13 +11,13 @@ from traction_model.lpv.slip_model import SlipLpvModel
 Array = NDArray[np.float64]
 
 LARGEST_INVERSE_SLIP = 100.0
-"""Bound of |1/i|, dimensionless: beyond, the state would be lost in rounding and noise."""
+"""Bound of |1/i|, dimensionless, against rounding and noise."""
 
 
 class InverseSlipLpvModel(SlipLpvModel):
     """LPV model with x = [v, 1/slip ...], else as `traction_model.lpv.slip_model.SlipLpvModel`.
 
-    Slips within -0.01 to 0.01 have no such state.
+    It is not defined for slips within -0.01 to 0.01.
     """
 
     _state = 'inverse_slip'
@@ -35,7 +35,7 @@ class InverseSlipLpvModel(SlipLpvModel):
         return np.asarray(-1 / slipping**2)
 
     def terms(self, rho: Schedule | Mapping[str, ArrayLike]) -> dict[str, Array]:
-        """Return what rho amounts to in the matrices.
+        """Terms of the matrices at a scheduling vector.
 
         Parameters
         ----------
@@ -45,7 +45,7 @@ class InverseSlipLpvModel(SlipLpvModel):
         Returns
         -------
         dict of str to ndarray
-            As `SlipLpvModel.terms`: ``slip``, dimensionless, stands for ``inverse_slip``.
+            As `SlipLpvModel.terms`, with ``slip``, dimensionless, from ``inverse_slip``.
 
         Raises
         ------

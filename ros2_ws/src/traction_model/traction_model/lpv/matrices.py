@@ -9,7 +9,7 @@ Array = NDArray[np.float64]
 
 
 class Matrices(NamedTuple):
-    """A linear model at one scheduling vector; s states, n torques, k uncontrolled inputs.
+    """Linear model at one scheduling vector; s states, n torques, k uncontrolled inputs.
 
     Attributes
     ----------
@@ -22,7 +22,7 @@ class Matrices(NamedTuple):
     C : ndarray, shape (p, s)
         Outputs, in units of the states.
     D : ndarray, shape (p, n)
-        Zero: no torque reaches an output at once; output units per N·m.
+        Zero, as there is no direct feedthrough; output units per N·m.
     """
 
     A: Array
@@ -32,7 +32,7 @@ class Matrices(NamedTuple):
     D: Array
 
     def combined(self) -> tuple[Array, Array, Array, Array]:
-        """Return the model with all inputs in one B, ``[u; u_uc]``, as Kalman filters take it.
+        """Matrices with all inputs in one B, ``[u; u_uc]``, as for Kalman filters.
 
         Returns
         -------

@@ -1,20 +1,21 @@
-"""LPV models of a vehicle: what those with wheel speeds and those with slips as states share.
+"""LPV models of a vehicle: common part of the models with wheel speeds and with slips as states.
 
-An LPV model has the vehicle's equations of motion
-(`traction_model.simulation.vehicle_dynamics`), sinkage given, as a linear model whose matrices
-depend on a scheduling vector rho and on nothing else:
+An LPV model has the equations of motion of the vehicle
+(`traction_model.simulation.vehicle_dynamics`) with given sinkage, as a linear model whose matrices
+depend only on a scheduling vector rho:
 
     x' = A(rho)*x + B(rho)*u + B_uc(rho)*u_uc,   y = C*x + D*u
 
-It is exact: with rho, x and u_uc taken at a state (`LpvModel.at`), x' is what the nonlinear
-equations, the paper's (21), give. There is one class for each kind of state:
+It is exact: with rho, x and u_uc at a state of motion (`LpvModel.at`), x' equals that of the
+nonlinear equations, the paper's (21). There is one class for each kind of state:
 
 - `traction_model.lpv.speed_model.SpeedLpvModel`: wheel speeds, as in the paper's (29) and (31);
 - `traction_model.lpv.slip_model.SlipLpvModel`: slips;
 - `traction_model.lpv.inverse_slip_model.InverseSlipLpvModel`: 1/slip.
 
-Derivation, units and what the paper printed: ``docs/theory.md``, "The paper's state space" and
-"Slip as a state". Source: Agriculture 2024, 14(3), 499 (*the paper*), equations (16) to (31).
+Derivation, units and the printed equations of the paper: ``docs/theory.md``, "The paper's state
+space" and "Slip as a state". Source: Agriculture 2024, 14(3), 499 (*the paper*), equations (16) to
+(31).
 """
 
 import math
@@ -47,14 +48,14 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 MIN_SINKAGE = 1e-5
-"""Sinkage that a wheel in contact has at least, m: it bounds 1/A."""
+"""Smallest sinkage of a wheel in contact, m; it bounds 1/A."""
 
 LARGEST_LOAD = 20.0
-"""Load of one wheel, in weights of the vehicle, that the ranges allow for (dimensionless)."""
+"""Largest load of one wheel in the ranges, over the weight of the vehicle, dimensionless."""
 
 
 class OperatingPoint(NamedTuple):
-    """The LPV model's view of one state of motion.
+    """Scheduling vector, state and uncontrolled inputs of a state of motion.
 
     Attributes
     ----------
@@ -63,7 +64,7 @@ class OperatingPoint(NamedTuple):
     x : ndarray, shape (s,)
         State, in the units of `LpvModel.state_units`.
     u_uc : ndarray, shape (k,)
-        Inputs that cannot be controlled, in the units of `LpvModel.uncontrolled_units`.
+        Uncontrolled inputs, in the units of `LpvModel.uncontrolled_units`.
     """
 
     rho: Schedule
@@ -72,7 +73,7 @@ class OperatingPoint(NamedTuple):
 
 
 class SoilReaction(NamedTuple):
-    """Forces of the soil on wheels, its shear apart from motion resistance.
+    """Forces of the soil on wheels, with shear and motion resistance separated.
 
     Attributes
     ----------
@@ -83,7 +84,7 @@ class SoilReaction(NamedTuple):
     shear : float or ndarray, shape (n,)
         Force of the shear stress on the vehicle, N, forward positive.
     shear_moment : float or ndarray, shape (n,)
-        Its moment about the centre, N·m, positive where it resists forward rotation.
+        Its moment about the centre, N·m, positive if it resists forward rotation.
     resistance : float or ndarray, shape (n,)
         Motion resistance R, N.
     """
@@ -96,7 +97,7 @@ class SoilReaction(NamedTuple):
 
 
 class WheelMotion(NamedTuple):
-    """State of motion of n wheels and what soil makes of it; SI units.
+    """State of motion of n wheels with the forces of the soil; SI units.
 
     Attributes
     ----------
@@ -127,30 +128,30 @@ class WheelMotion(NamedTuple):
 
 
 class LpvModel(ABC):
-    """LPV model of a vehicle of n wheels, whatever stands for the wheels in x.
+    """LPV model of a vehicle of n wheels; base class for all kinds of state.
 
-    The soil's force on a wheel is split in two, so that nothing but the scheduling vector
-    enters a matrix: shear, and motion resistance ``R = resistance_gradient*z``. In the closed
-    forms R holds the vehicle back and the wheel's moment is r*F. In the form `CONTACT` stresses
-    are per horizontal area: R acts as a moment r*R about the axle, the shear alone on the
-    vehicle, with a moment of its own.
+    The force of the soil on a wheel has two parts, so that matrices depend on the scheduling
+    vector only: shear, and motion resistance ``R = resistance_gradient*z``. In the closed forms R
+    acts on the vehicle and the moment of the wheel is r*F. In the form `CONTACT` stresses are per
+    horizontal area: R acts as a moment r*R about the axle, and only the shear acts on the vehicle,
+    with its own moment.
 
     Parameters
     ----------
     vehicle : Vehicle
-        What drives.
+        The vehicle.
     form : Form
         Form of the contact model.
     couplings : sequence of Coupling
-        Locked differentials and coupled axles; they leave the independent wheels in x.
+        Locked differentials and coupled axles; x has only the independent wheels.
     ranges : mapping of str to pair, optional
-        Narrower ranges of scheduling parameters: (low, high), each one number or one a wheel,
-        in the parameter's unit.
+        Narrower ranges of scheduling parameters: (low, high), each one number or one per wheel, in
+        the parameter's unit.
 
     Attributes
     ----------
     parameters : dict of str to SchedulingParameter
-        The scheduling parameters and their ranges, each in its own unit.
+        Scheduling parameters with their ranges, each in its own unit.
     state_names, input_names, uncontrolled_names, output_names : tuple of str
         Names of the entries of x, u, u_uc and y.
     state_units, uncontrolled_units : tuple of str
@@ -163,7 +164,7 @@ class LpvModel(ABC):
     Raises
     ------
     ValueError
-        Naming what is unknown or out of range.
+        If an argument is unknown or out of range.
     """
 
     state_names: tuple[str, ...]
@@ -213,7 +214,7 @@ class LpvModel(ABC):
 
     @abstractmethod
     def _valid_ranges(self) -> list[SchedulingParameter]:
-        """Ranges on which the model holds, whatever the soil."""
+        """Ranges of validity of the model, for any soil."""
 
     @abstractmethod
     def _operating_point(self, motion: WheelMotion, holding_force: float) -> OperatingPoint:
@@ -221,7 +222,7 @@ class LpvModel(ABC):
 
     @abstractmethod
     def terms(self, rho: Schedule | Mapping[str, ArrayLike]) -> dict[str, Array]:
-        """Return what rho amounts to in the matrices.
+        """Terms of the matrices at a scheduling vector.
 
         Parameters
         ----------
@@ -231,7 +232,7 @@ class LpvModel(ABC):
         Returns
         -------
         dict of str to ndarray
-            The terms, units as the class states.
+            Terms, in the units given by the class.
 
         Raises
         ------
@@ -241,17 +242,17 @@ class LpvModel(ABC):
 
     @abstractmethod
     def assemble(self, terms: Mapping[str, Array]) -> Matrices:
-        """Return the matrices of terms, unchecked: what `matrices` and grids build on.
+        """Matrices from terms, without checks, for `matrices` and grids.
 
         Parameters
         ----------
         terms : mapping of str to ndarray
-            As `terms` returns them, in its units.
+            As from `terms`, in its units.
 
         Returns
         -------
         Matrices
-            In the units of x, u and u_uc.
+            Matrices, in the units of x, u and u_uc.
         """
 
     @property
@@ -266,7 +267,7 @@ class LpvModel(ABC):
         return np.asarray(-force * gradient)
 
     def _each(self, value: ArrayLike) -> Array:
-        """One entry for every wheel."""
+        """Array with one entry per wheel."""
         return np.array(np.broadcast_to(np.asarray(value, dtype=float), (self.n_wheels,)))
 
     def _range(
@@ -281,14 +282,14 @@ class LpvModel(ABC):
         return LARGEST_LOAD * self.vehicle.mass * GRAVITY
 
     @property
-    def _least_length(self) -> Array:
-        """Contact length at the least sinkage, m."""
+    def _min_length(self) -> Array:
+        """Contact length at the smallest sinkage, m."""
         return np.asarray(np.sqrt(2 * self._radius * MIN_SINKAGE - MIN_SINKAGE**2))
 
     def _gradient_range(self) -> SchedulingParameter:
         """Range of the resistance gradient."""
         # R <= N*sin(theta0), and sin(theta0)/z = cot(theta0/2)/r <= 2/l.
-        gradient = 2 * self._largest_load / self._least_length
+        gradient = 2 * self._largest_load / self._min_length
         return self._range('resistance_gradient', 'N/m', -gradient, gradient)
 
     def _narrowed(self, name: str, pair: tuple[ArrayLike, ArrayLike]) -> SchedulingParameter:
@@ -311,7 +312,7 @@ class LpvModel(ABC):
 
     @staticmethod
     def _entries(name: str, value: ArrayLike, parameter: SchedulingParameter) -> Array:
-        """Finite entries of a parameter; one number stands for all wheels."""
+        """Finite entries of a parameter; one number applies to all wheels."""
         entries = np.asarray(value, dtype=float)
         n = len(parameter.low)
         if entries.shape not in ((), (n,)):
@@ -321,12 +322,12 @@ class LpvModel(ABC):
         return np.array(np.broadcast_to(entries, (n,)))
 
     def schedule(self, **values: ArrayLike) -> Schedule:
-        """Check a scheduling vector.
+        """Checked scheduling vector.
 
         Parameters
         ----------
         **values : float or array_like, shape (n,)
-            Every parameter of `parameters` by name, in its unit: one number, or one a wheel.
+            Every parameter of `parameters` by name, in its unit: one number, or one per wheel.
 
         Returns
         -------
@@ -336,8 +337,7 @@ class LpvModel(ABC):
         Raises
         ------
         ValueError
-            Naming the parameter that is unknown, missing, of the wrong length, not finite or
-            out of range, and the wheel.
+            If a parameter is unknown, missing, of the wrong length, not finite or out of range.
         """
         for name in values:
             self._parameter(name)
@@ -362,19 +362,19 @@ class LpvModel(ABC):
         return Schedule(checked)
 
     def sample(self, count: int, seed: int = 0) -> list[Schedule]:
-        """Draw scheduling vectors from the ranges, each parameter evenly (1/slip: even in slip).
+        """Random scheduling vectors, uniform over the ranges (1/slip: uniform in slip).
 
         Parameters
         ----------
         count : int
-            How many, at least 1.
+            Number of vectors, at least 1.
         seed : int
-            Of the random numbers.
+            Seed of the random numbers.
 
         Returns
         -------
         list of Schedule
-            The vectors, in the parameters' units.
+            Vectors, in the parameters' units.
         """
         random = np.random.default_rng(seed)
         return [
@@ -388,17 +388,17 @@ class LpvModel(ABC):
         ]
 
     def narrowed(self, schedules: Iterable[Schedule]) -> Self:
-        """Return the same model with the ranges that some scheduling vectors span.
+        """Same model with the ranges spanned by some scheduling vectors.
 
         Parameters
         ----------
         schedules : iterable of Schedule
-            Vectors met in operation, in the parameters' units, at least one.
+            Vectors of operation, in the parameters' units, at least one.
 
         Returns
         -------
         LpvModel
-            The model; units as before.
+            Model with the same units.
         """
         met = list(schedules)
         if not met:
@@ -412,7 +412,7 @@ class LpvModel(ABC):
     def _soil_reaction(
         self, j: int, v: float, omega: float, z: float, z_rate: float, soil: Array, imposed: float
     ) -> SoilReaction:
-        """Forces on a wheel by the contact model, on fresh soil."""
+        """Forces on a wheel by the contact model, on undisturbed soil."""
         wheel = self.vehicle.wheels[j]
         load, thrust, resistance, moment, _ = forces_at(
             int(self.form), v, omega, z, z_rate, 0.0, soil.reshape(1, -1), EVERYWHERE,
@@ -442,28 +442,27 @@ class LpvModel(ABC):
         v : float
             Speed, m/s, forward positive; at least 0.05 with slips as states.
         omega : array_like, shape (n,)
-            Wheel speeds, rad/s, forward positive, in keeping with the couplings.
+            Wheel speeds, rad/s, forward positive, consistent with the couplings.
         sinkage : array_like, shape (n,)
-            m, downward positive; off the ground where not positive.
+            m, downward positive; off the ground if not positive.
         soil : Soil or sequence of Soil
-            Under all wheels, or under each.
+            Soil under all wheels, or under each.
         sinkage_rate : float or array_like, shape (n,)
             m/s, downward positive.
         load : array_like, shape (n,), optional
-            Load that the soil under every wheel is known to carry, N, at least 0; what sinkage
-            makes it carry when not given.
+            Known load of every wheel, N, at least 0; default: load from sinkage.
         holding_force : float
             D_x: drawbar, grade and air drag together, N, backward positive.
 
         Returns
         -------
         OperatingPoint
-            Each entry in the unit that the model states.
+            Entries in the units of the model.
 
         Raises
         ------
         ValueError
-            Naming what is of the wrong length, not finite, out of range or against a coupling.
+            If a value has the wrong shape, is not finite, out of range or against a coupling.
         """
         n = self.n_wheels
         omega, z, z_rate = (
@@ -497,7 +496,7 @@ class LpvModel(ABC):
         return self.at_uncoupled(v, omega, z, z_rate, soils, imposed, holding_force)
 
     def _series(self, name: str, value: ArrayLike) -> Array:
-        """One finite number a wheel."""
+        """Array of one finite number per wheel."""
         entries = np.asarray(value, dtype=float)
         n = self.n_wheels
         if entries.shape != (n,) and not (name == 'sinkage_rate' and entries.shape == ()):
@@ -510,7 +509,7 @@ class LpvModel(ABC):
         self, v: float, omega: Array, z: Array, z_rate: Array, soils: Sequence[Soil],
         imposed: Array, holding_force: float = 0.0,
     ) -> OperatingPoint:  # fmt: skip
-        """As `at`, of arrays taken as they are: couplings need not hold, as on a grid.
+        """As `at`, with unchecked arrays; couplings need not hold, as on a grid.
 
         Parameters
         ----------
@@ -521,7 +520,7 @@ class LpvModel(ABC):
         z, z_rate : ndarray, shape (n,)
             Sinkage, m, and its rate, m/s, downward positive.
         soils : sequence of Soil
-            Under each wheel.
+            Soil under each wheel.
         imposed : ndarray, shape (n,)
             Load that the soil carries, N, or `traction_model.contact.contact.FREE`.
         holding_force : float
@@ -530,7 +529,7 @@ class LpvModel(ABC):
         Returns
         -------
         OperatingPoint
-            Each entry in the unit that the model states.
+            Entries in the units of the model.
         """
         check_form(self.form, soils)
         packed = np.array(
@@ -546,7 +545,7 @@ class LpvModel(ABC):
         return self._operating_point(motion, holding_force)
 
     def matrices(self, rho: Schedule | Mapping[str, ArrayLike]) -> Matrices:
-        """Return the matrices at a scheduling vector.
+        """Matrices at a scheduling vector.
 
         Parameters
         ----------
@@ -556,7 +555,7 @@ class LpvModel(ABC):
         Returns
         -------
         Matrices
-            In the units of x, u and u_uc.
+            Matrices, in the units of x, u and u_uc.
 
         Raises
         ------
@@ -575,12 +574,12 @@ class LpvModel(ABC):
         rho : Schedule or mapping
             Scheduling vector, each entry in its parameter's unit.
         tolerance : float
-            As in `controllability_rank`, relative, dimensionless.
+            As for `controllability_rank`, relative, dimensionless.
 
         Returns
         -------
         int
-            Rank of the controllability matrix; all states are controlled when it is their
+            Rank of the controllability matrix; all states are controllable if it equals their
             number.
         """
         found = self.matrices(rho)
@@ -589,19 +588,19 @@ class LpvModel(ABC):
     def to_control(
         self, rho: Schedule | Mapping[str, ArrayLike], *, combined: bool = False
     ) -> 'control.StateSpace':
-        """Return the model at a scheduling vector as a system of python-control.
+        """Model at a scheduling vector as a system of python-control.
 
         Parameters
         ----------
         rho : Schedule or mapping
             Scheduling vector, each entry in its parameter's unit.
         combined : bool
-            Whether the uncontrolled inputs follow the torques as inputs.
+            True to append the uncontrolled inputs to the torques.
 
         Returns
         -------
         control.StateSpace
-            With the model's names of states, inputs and outputs, in its units.
+            System with the names and units of the model.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Systems at the corners of a box and their convex weights: the same as an affine model."""
+"""Polytopic LPV model: systems at the corners of a box with convex weights."""
 
 from collections.abc import Iterator, Sequence
 
@@ -13,22 +13,22 @@ from traction_model.lpv.scheduling import Schedule
 Array = NDArray[np.float64]
 
 MAX_VARYING = 16
-"""Coordinates that a polytope may have; it has two corners to the power of their number."""
+"""Largest number of varying coordinates; a polytope has 2 to this power corners."""
 
 
 class Polytope:
-    """An affine model as the convex hull of its systems at the corners of a box.
+    """Affine model as the convex hull of its systems at the corners of a box.
 
     Parameters
     ----------
     affine : AffineModel
-        The model, in its units.
+        Affine model, in its units.
 
     Attributes
     ----------
     varying : ndarray of int
-        Which coordinates vary: bit k of a corner's number tells whether the k-th of them is
-        at its greatest.
+        Indices of the varying coordinates. Bit k of the number of a corner is 1 if the k-th of
+        them is at its largest value.
 
     Raises
     ------
@@ -49,12 +49,12 @@ class Polytope:
         return 1 << len(self.varying)
 
     def corner(self, number: int) -> Array:
-        """Return the coordinates of a corner.
+        """Coordinates of a corner.
 
         Parameters
         ----------
         number : int
-            0 to the number of corners less one.
+            Number of the corner, 0 to the number of corners less one.
 
         Returns
         -------
@@ -69,7 +69,7 @@ class Polytope:
         return place
 
     def vertices(self) -> Iterator[Matrices]:
-        """Yield the systems at the corners, in the model's units.
+        """Systems at the corners, in the units of the model.
 
         Yields
         ------
@@ -80,7 +80,7 @@ class Polytope:
             yield self.affine.at(self.corner(number))
 
     def weights(self, rho: Schedule) -> Array:
-        """Return the convex weights of the corners.
+        """Convex weights of the corners.
 
         Parameters
         ----------
@@ -90,12 +90,12 @@ class Polytope:
         Returns
         -------
         ndarray, shape (2**k,)
-            Shares, none negative, of sum 1 (dimensionless).
+            Non-negative weights with sum 1 (dimensionless).
 
         Raises
         ------
         ValueError
-            Naming the coordinate that is outside the box.
+            If a coordinate is outside the box.
         """
         affine = self.affine
         place = coordinates_of(affine.model, rho, affine.coordinates)
@@ -114,7 +114,7 @@ class Polytope:
         return weights
 
     def matrices(self, rho: Schedule) -> Matrices:
-        """Return the convex combination of the corners.
+        """Convex combination of the corners.
 
         Parameters
         ----------
@@ -124,7 +124,7 @@ class Polytope:
         Returns
         -------
         Matrices
-            In the units of the model.
+            Matrices, in the units of the model.
 
         Raises
         ------
@@ -138,12 +138,12 @@ class Polytope:
         return Matrices(*total)
 
     def error(self, samples: Sequence[Schedule]) -> float:
-        """Return the largest error over samples.
+        """Largest error over samples.
 
         Parameters
         ----------
         samples : sequence of Schedule
-            Where to compare, in the parameters' units.
+            Samples of the comparison, in the parameters' units.
 
         Returns
         -------

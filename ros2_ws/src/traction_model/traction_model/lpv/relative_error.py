@@ -13,12 +13,12 @@ def relative_error(exact: Sequence[Matrices], found: Sequence[Matrices]) -> floa
     Parameters
     ----------
     exact, found : sequence of Matrices
-        The exact matrices and those to judge, of equally many samples, in the units of a model.
+        Exact and approximate matrices for the same samples, in the units of a model.
 
     Returns
     -------
     float
-        Relative to the largest magnitude that an entry has over the samples, dimensionless.
+        Relative to the largest magnitude of the entry over the samples, dimensionless.
     """
     worst = 0.0
     for name in ('A', 'B', 'B_uc'):
@@ -26,7 +26,7 @@ def relative_error(exact: Sequence[Matrices], found: Sequence[Matrices]) -> floa
         got = np.array([getattr(entry, name) for entry in found])
         size = np.abs(wanted).max(axis=0)
         difference = np.abs(got - wanted).max(axis=0)
-        # An entry that is always zero and is not found so has an infinite relative error.
+        # The relative error of an entry that should always be zero is infinite.
         with np.errstate(divide='ignore'):
             relative = np.divide(difference, size, out=np.zeros_like(size), where=difference > 0)
         worst = max(worst, float(relative.max()))

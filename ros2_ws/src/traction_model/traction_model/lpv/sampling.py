@@ -1,4 +1,4 @@
-"""Linear models in continuous time, sampled exactly."""
+"""Exact sampling of linear models in continuous time."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +9,7 @@ Array = NDArray[np.float64]
 def sampled(
     a: NDArray[np.float64], b: NDArray[np.float64], dt: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Sample a linear model exactly, its input held over the period.
+    """Exactly sampled linear model with input held over the period.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ def sampled(
     b_d : ndarray, shape (n, m)
         Input matrix of the sampled model, state units per input unit.
     """
-    # Costly to import, and of no use to those who only simulate.
+    # Imported on demand: the import is slow and simulation does not need it.
     from scipy.linalg import expm
 
     n, m = b.shape

@@ -1,4 +1,4 @@
-"""Scheduling of LPV models: parameters with unit and range, and checked vectors of them."""
+"""Scheduling of LPV models: parameters with unit and range, and checked vectors."""
 
 import math
 from collections.abc import Mapping
@@ -14,18 +14,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class SchedulingParameter:
-    """One scheduling parameter of an LPV model: its unit and range.
+    """Scheduling parameter of an LPV model with unit and range.
 
     Attributes
     ----------
     name : str
-        As `LpvModel.schedule` takes it.
+        Name, as for `LpvModel.schedule`.
     unit : str
-        Unit, '1' when dimensionless.
+        Unit; '1' if dimensionless.
     low, high : ndarray, shape (n,) or (1,)
         Range of every wheel, or of the vehicle, in `unit`.
     reciprocal : bool
-        Whether it is 1/slip: magnitudes below 1 do not exist, and samples are even in slip.
+        True for 1/slip: magnitudes are at least 1, and samples are uniform in slip.
     """
 
     name: str
@@ -35,24 +35,24 @@ class SchedulingParameter:
     reciprocal: bool = False
 
     def extremes(self, j: int) -> tuple[float, ...]:
-        """Values of the parameter at which a monotone function takes its extremes.
+        """Values of the parameter at the extremes of a monotone function.
 
         Parameters
         ----------
         j : int
-            Entry: the wheel, or 0 for a parameter of the vehicle.
+            Index of the wheel, or 0 for a parameter of the vehicle.
 
         Returns
         -------
         tuple of float
-            The ends, in `unit`, and for 1/slip also -1 and 1 where they are within.
+            Ends of the range, in `unit`, and for 1/slip also -1 and 1 if they are within.
         """
         low, high = float(self.low[j]), float(self.high[j])
         inner = (-1.0, 1.0) if self.reciprocal else ()
         return tuple(sorted({low, high} | {edge for edge in inner if low < edge < high}))
 
     def sample(self, shares: Array) -> Array:
-        """Value at a share of the range.
+        """Value at a fraction of the range.
 
         Parameters
         ----------
@@ -68,7 +68,7 @@ class SchedulingParameter:
             return self.low + shares * (self.high - self.low)
         values = np.empty_like(self.low)
         for j, share in enumerate(shares):
-            # Even in slip, over the one or two branches that the range has.
+            # Uniform in slip, over the one or two branches of the range.
             low, high = float(self.low[j]), float(self.high[j])
             branches = [
                 (1 / min(high, far), 1 / max(low, near))
@@ -86,7 +86,7 @@ class SchedulingParameter:
 
 @dataclass(frozen=True)
 class Schedule:
-    """A checked scheduling vector of one `LpvModel`; made by `LpvModel.schedule` or `at`.
+    """Checked scheduling vector of one `LpvModel`; from `LpvModel.schedule` or `at`.
 
     Attributes
     ----------
@@ -102,11 +102,11 @@ class Schedule:
         return self.values[name]
 
     def vector(self) -> Array:
-        """Return rho as one vector, parameter by parameter, wheel by wheel.
+        """Rho as one vector, parameter by parameter, wheel by wheel.
 
         Returns
         -------
         ndarray, shape (p,)
-            The values, each in its parameter's unit.
+            Values, each in its parameter's unit.
         """
         return np.concatenate([*self.values.values()])

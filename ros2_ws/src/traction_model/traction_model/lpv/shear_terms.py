@@ -1,8 +1,8 @@
-"""Soil's shear on a wheel as a product of stress and area, for every form of the contact model.
+"""Shear of the soil on a wheel as a product of stress and area, for every form of contact.
 
-With wheel speeds as states the shear is ``F = stress*thrust_area``, the stress an input and the
-area a term of the matrices. What the area follows from, and so what schedules the matrices,
-depends on the form: one class each.
+With wheel speeds as states the shear is ``F = stress*thrust_area``: the stress is an input and the
+area a term of the matrices. The scheduling parameters of the area depend on the form; there is one
+class per form.
 """
 
 from abc import ABC, abstractmethod
@@ -19,16 +19,16 @@ Array = NDArray[np.float64]
 
 
 class ShearTerms(ABC):
-    """Terms of one form; what is by wheel has shape (n,).
+    """Terms of one form; values per wheel have shape (n,).
 
     Attributes
     ----------
     STRESS : str
-        Name of the input that the thrust is proportional to; Pa.
+        Name of the stress input, proportional to the thrust; Pa.
     PARAMETERS : tuple of str
         Names of the scheduling parameters.
     LEVER : str
-        Term that gives the shear's moment over radius per stress, m^2.
+        Name of the term for the moment of the shear, over radius and stress, m^2.
     """
 
     STRESS: ClassVar[str] = 'tau_max'
@@ -36,7 +36,7 @@ class ShearTerms(ABC):
     LEVER: ClassVar[str] = 'thrust_area'
 
     def stress(self, pressure: Array, soils: Array) -> Array:
-        """Stress that the thrust is proportional to.
+        """Stress input, proportional to the thrust.
 
         Parameters
         ----------
@@ -72,7 +72,7 @@ class ShearTerms(ABC):
 
 
 class ArcTerms(ShearTerms):
-    """Stresses over the contact arc: the moment has a mobilisation of its own."""
+    """Stresses over the contact arc; the moment has its own mobilisation."""
 
     PARAMETERS: ClassVar[tuple[str, ...]] = (
         'area',
@@ -92,7 +92,7 @@ class ArcTerms(ShearTerms):
 
 
 class CurveTerms(ShearTerms):
-    """Traction curve: the mean pressure stands for the strength, which a curve does not know."""
+    """Traction curve: mean pressure in place of the strength, which a curve does not have."""
 
     STRESS = 'pressure'
     PARAMETERS: ClassVar[tuple[str, ...]] = ('area', 'mobilisation', 'resistance_gradient')
@@ -142,7 +142,7 @@ class PaperTerms(PlateTerms):
     )  # fmt: skip
 
     def _thrust_area(self, values: Mapping[str, Array], width: Array) -> Array:
-        # A*(1 - kappa) with A = b*l; none where kappa exceeds 1.
+        # A*(1 - kappa) with A = b*l; 0 if kappa exceeds 1.
         inverse = values['inverse_slip']
         lost = width * values['shear_deformation_modulus'] * np.abs(inverse)
         return np.asarray(np.sign(inverse) * np.maximum(0.0, values['area'] - lost))

@@ -1,9 +1,8 @@
-"""Slip of one wheel under torque, linear at one operating point: what gains are made for.
+"""Slip of one wheel under torque, linearised at an operating point, for the synthesis of gains.
 
-It is the row of slip in `traction_model.lpv.slip_model.SlipLpvModel` for one driven wheel.
-Speed, sinkage, resistance and all that holds the vehicle back are taken as disturbances, so that
-slip alone is left as a state. The synthesis of slip control
-(`traction_controller.synthesis`) takes this model, and none of the vehicle's.
+It is the row of slip in `traction_model.lpv.slip_model.SlipLpvModel` for one driven wheel. Speed,
+sinkage, motion resistance and drawbar are disturbances, so slip is the only state. The synthesis
+of slip control (`traction_controller.synthesis`) uses this model, not a model of the vehicle.
 """
 
 import math
@@ -31,7 +30,7 @@ def slip_dynamics(
     wheel : Wheel
         The wheel.
     mass : float
-        Mass that it propels, kg, above 0.
+        Mass moved by the wheel, kg, above 0.
     rim_speed : float
         r*omega, m/s, above 0.
     slip_stiffness : float
@@ -47,7 +46,7 @@ def slip_dynamics(
     Raises
     ------
     ValueError
-        Naming the argument that is out of range.
+        If an argument is out of range.
     """
     for name, value, allowed in (
         ('mass', mass, mass > 0),

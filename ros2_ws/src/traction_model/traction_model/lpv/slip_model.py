@@ -1,4 +1,4 @@
-"""LPV model with slips as states, so that torque controls speed as well."""
+"""LPV model with slips as states; speed is then controllable by torque, too."""
 
 from collections.abc import Mapping, Sequence
 
@@ -19,8 +19,8 @@ class SlipLpvModel(LpvModel):
     """LPV model with x = [v, slip ...] and u = T.
 
     The uncontrolled inputs are u_uc = [thrust and moment at slip zero, z of every wheel ..., D_x]:
-    shear is linear in slip, ``F = thrust_0 + slip_stiffness*i``. It holds going forward, at 0.05
-    m/s and more. Parameters and attributes: `traction_model.lpv.model.LpvModel`.
+    shear is linear in slip, ``F = thrust_0 + slip_stiffness*i``. It is valid for forward motion at
+    0.05 m/s and more. Parameters and attributes: `traction_model.lpv.model.LpvModel`.
     """
 
     _state = 'slip'
@@ -34,7 +34,7 @@ class SlipLpvModel(LpvModel):
         self.output_names = self.state_names
 
     def _valid_ranges(self) -> list[SchedulingParameter]:
-        # Of the order of load*l/K, and l/K <= r/0.1 mm.
+        # Order of magnitude: load*l/K, with l/K <= r/0.1 mm.
         stiffness = self._largest_load * self._radius / 1e-4
         lever = stiffness * self._radius
         return [
@@ -46,7 +46,7 @@ class SlipLpvModel(LpvModel):
         ]
 
     def _state_range(self) -> SchedulingParameter:
-        """Range of what stands for the wheels in x."""
+        """Range of the states of the wheels."""
         return self._range('slip', '1', -0.99, 0.99)
 
     def _state_of(self, slipping: Array) -> Array:
@@ -54,13 +54,13 @@ class SlipLpvModel(LpvModel):
         return slipping
 
     def _state_slope(self, slipping: Array) -> Array:
-        """Slope of a wheel's state over its slip, dimensionless."""
+        """Slope of the state of a wheel over its slip, dimensionless."""
         return np.ones_like(slipping)
 
     def _operating_point(self, motion: WheelMotion, holding_force: float) -> OperatingPoint:
         n, v, omega, found = self.n_wheels, motion.v, motion.omega, motion.reaction
         slipping = np.array([slip(v, self._radius[j] * omega[j]) for j in range(n)])
-        # Slopes over wheel speed at constant v, the other state.
+        # Slopes over wheel speed at constant v, which is another state.
         shear_slope, moment_slope = np.empty(n), np.empty(n)
         for j in range(n):
             h = 1e-5 * max(abs(omega[j]), max(abs(v), MIN_TRANSIT_SPEED) / self._radius[j])
@@ -77,7 +77,8 @@ class SlipLpvModel(LpvModel):
             self._state: self._state_of(slipping),
             'resistance_gradient': motion.resistance_gradient,
         }
-        # Where these divide by zero, speed or slip is out of range, as the check below tells.
+        # A division by zero here means speed or slip out of range; the check below raises the
+        # error.
         with np.errstate(divide='ignore', invalid='ignore'):
             per_speed = slip_slopes(v, slipping)[1] * self._radius
             values['slip_stiffness'] = shear_slope / per_speed
@@ -102,7 +103,7 @@ class SlipLpvModel(LpvModel):
         return np.asarray(self.constraint / self._wheel_state_slopes(v, slipping)[1])
 
     def terms(self, rho: Schedule | Mapping[str, ArrayLike]) -> dict[str, Array]:
-        """Return what rho amounts to in the matrices.
+        """Terms of the matrices at a scheduling vector.
 
         Parameters
         ----------
@@ -123,23 +124,23 @@ class SlipLpvModel(LpvModel):
         return dict(self.schedule(**(rho.values if isinstance(rho, Schedule) else rho)).values)
 
     def assemble(self, terms: Mapping[str, Array]) -> Matrices:
-        """Return the matrices of terms, unchecked: what `matrices` and grids build on.
+        """Matrices from terms, without checks, for `matrices` and grids.
 
         Parameters
         ----------
         terms : mapping of str to ndarray
-            As `terms` returns them, in its units.
+            As from `terms`, in its units.
 
         Returns
         -------
         Matrices
-            In the units of x, u and u_uc.
+            Matrices, in the units of x, u and u_uc.
         """
         n, g = self.constraint.shape
         mass = self.vehicle.mass
         v, slipping = float(terms['speed'][0]), terms['slip']
         over_v, over_speed = self._wheel_state_slopes(v, slipping)
-        # What each wheel's shear and moment at its axle do to the states: v, then wheels.
+        # Effect of shear and moment of each wheel on the states: v, then wheels.
         force, torque = np.empty((g + 1, 1)), np.zeros((g + 1, n))
         force[0] = 1 / mass
         force[1:, 0] = over_v / mass

@@ -1,4 +1,4 @@
-"""Slip of a wheel that goes forward: wheel speed at a slip, slopes over speed and rim speed."""
+"""Slip in forward motion: wheel speed at a slip, slopes over speed and rim speed."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -7,7 +7,7 @@ Array = NDArray[np.float64]
 
 
 def wheel_speed(v: float, slip: ArrayLike, radius: ArrayLike) -> Array:
-    """Wheel speed at a slip, going forward.
+    """Wheel speed at a slip, in forward motion.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ def wheel_speed(v: float, slip: ArrayLike, radius: ArrayLike) -> Array:
 
 
 def rim_ratio(slipping: Array) -> Array:
-    """Rim speed over speed at a slip, going forward.
+    """Rim speed over speed at a slip, in forward motion.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def rim_ratio(slipping: Array) -> Array:
 
 
 def slip_slopes(v: float, slipping: Array) -> tuple[Array, Array]:
-    """Slopes of slip over speed and over rim speed, s/m, going forward.
+    """Slopes of slip over speed and over rim speed, s/m, in forward motion.
 
     Driving, i = 1 - v/(r*omega), the paper's (16): -1/(r*omega) and v/(r*omega)^2. Braking,
     i = r*omega/v - 1: -r*omega/v^2 and 1/v.

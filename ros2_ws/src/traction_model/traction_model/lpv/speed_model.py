@@ -1,8 +1,8 @@
-"""LPV model with wheel speeds as states, the paper's (29) and (31) with the units put right.
+"""LPV model with wheel speeds as states: the paper's (29) and (31) with corrected units.
 
-In (29) r is printed in one of the two terms of the second row; both have it here. (31) prints
-``cos(alpha)`` on the motion resistance; here resistance follows from the load, in which the slope
-already is.
+In (29) r is printed in one of the two terms of the second row; here both have it. (31) has
+``cos(alpha)`` on the motion resistance; here resistance follows from the load, which already
+contains the slope.
 """
 
 import math
@@ -21,17 +21,16 @@ from traction_model.soil.soil import N_EXP, SHEAR_MODULUS
 Array = NDArray[np.float64]
 
 LARGEST_INVERSE_SLIP = 1e4
-"""Bound of |1/i|, dimensionless: as a scheduling parameter it may be large, as no thrust is left
-there."""
+"""Bound of |1/i| as a scheduling parameter, dimensionless; there is no thrust at this value."""
 
 
 class SpeedLpvModel(LpvModel):
     """LPV model with x = [v, omega ...], u = T and u_uc = [tau_max, z of every wheel ..., D_x].
 
     The shear is ``F = tau_max*A*mobilisation`` with ``mobilisation = +-(1 - kappa)``. Torque does
-    not reach v: the soil's stress is an input that cannot be controlled, the paper's (28). In the
-    form `EMPIRICAL` the mean pressure N/A stands for tau_max, and mobilisation is the gross
-    traction ratio. Parameters and attributes: `traction_model.lpv.model.LpvModel`.
+    not act on v: the stress of the soil is an uncontrolled input, the paper's (28). In the form
+    `EMPIRICAL` the mean pressure N/A replaces tau_max, and mobilisation is the gross traction
+    ratio. Parameters and attributes: `traction_model.lpv.model.LpvModel`.
     """
 
     @property
@@ -57,8 +56,8 @@ class SpeedLpvModel(LpvModel):
             self._range(
                 'inverse_slip', '1', -LARGEST_INVERSE_SLIP, LARGEST_INVERSE_SLIP, reciprocal=True
             ),
-            # The shear stress nowhere exceeds the strength, whose mean over the contact ahead of
-            # the wheel's bottom is tau_max: 1, and more where contact reaches behind it too.
+            # The shear stress is at most the strength, whose mean over the contact ahead of the
+            # bottom is tau_max. So the bound is 1, and more with contact behind the bottom.
             self._range('mobilisation', '1', -3.0, 3.0),
             self._range('moment_mobilisation', '1', -3.0, 3.0),
             self._gradient_range(),
@@ -69,9 +68,9 @@ class SpeedLpvModel(LpvModel):
     def _operating_point(self, motion: WheelMotion, holding_force: float) -> OperatingPoint:
         found, v = motion.reaction, motion.v
         stress = self._shear.stress(found.load / found.area, motion.soils)
-        # A wheel off the ground finds none.
+        # 0 for a wheel off the ground.
         stress = np.where(motion.z > 0, stress, 0.0)
-        # Signed as the thrust is, which slip is not in reverse.
+        # Sign of the thrust; in reverse it differs from that of slip.
         slipping = [slip_along_path(v, rim) for rim in self._radius * motion.omega]
         values: dict[str, ArrayLike] = {
             'heading': max(-1.0, min(1.0, v / MIN_TRANSIT_SPEED)),
@@ -92,7 +91,7 @@ class SpeedLpvModel(LpvModel):
         return OperatingPoint(rho, x, u_uc)
 
     def _mobilisation(self, force: Array, strength: Array) -> Array:
-        """Share of the strength, N, that a force takes."""
+        """Force over strength, both in N."""
         bare = (strength == 0) & (np.abs(force) > 0)
         if np.any(bare):
             name = self.vehicle.wheel_names[int(np.flatnonzero(bare)[0])]
@@ -103,7 +102,7 @@ class SpeedLpvModel(LpvModel):
         return np.asarray(np.divide(force, strength, out=np.zeros_like(force), where=strength > 0))
 
     def terms(self, rho: Schedule | Mapping[str, ArrayLike]) -> dict[str, Array]:
-        """Return what rho amounts to in the matrices, which are affine in these terms.
+        """Terms at a scheduling vector; the matrices are affine in them.
 
         Parameters
         ----------
@@ -126,20 +125,20 @@ class SpeedLpvModel(LpvModel):
         return self._shear.areas(values, width)
 
     def assemble(self, terms: Mapping[str, Array]) -> Matrices:
-        """Return the matrices of terms, unchecked: what `matrices` and grids build on.
+        """Matrices from terms, without checks, for `matrices` and grids.
 
         Parameters
         ----------
         terms : mapping of str to ndarray
-            As `terms` returns them, in its units.
+            As from `terms`, in its units.
 
         Returns
         -------
         Matrices
-            In the units of x, u and u_uc.
+            Matrices, in the units of x, u and u_uc.
         """
         n, g = self.constraint.shape
-        # What each wheel's shear and moment at its axle do to the states: v, then wheels.
+        # Effect of shear and moment of each wheel on the states: v, then wheels.
         force, torque = np.zeros((g + 1, 1)), np.zeros((g + 1, n))
         force[0] = 1 / self.vehicle.mass
         torque[1:] = self._per_torque

@@ -1,4 +1,4 @@
-"""The node `plant_node`: a simulated vehicle in place of the real one."""
+"""Node `plant_node`: simulated vehicle."""
 
 import math
 from collections import Counter
@@ -22,11 +22,11 @@ from traction_node.subscribers import SubscriberWait
 from traction_node.topics import message_class
 
 DELIVERY_TIME = 2.0
-"""Longest wait at the end for subscribers to get the last messages, s."""
+"""Longest wait at the end for delivery of the last messages, s."""
 
 
 class PlantBehaviour(Behaviour):
-    """Simulates the vehicle on its soil: torque in, sensor readings and ground truth out."""
+    """Simulation of a vehicle on soil: torque in, sensor readings and ground truth out."""
 
     NAME = 'plant_node'
     host: RosHost
@@ -40,14 +40,14 @@ class PlantBehaviour(Behaviour):
         NodeParameter(
             'soils',
             default=['sandy_loam_chrono'],
-            description='presets, or file.yaml:name, in the order in which they are met',
+            description='presets, or file.yaml:name, in order along the path',
             read_only=True,
         ),
         NodeParameter(
             'soil_starts',
             default=[0.0],
             description=(
-                'where each soil begins along the path of the rear axle (the first: not used)'
+                'start of each soil along the path of the rear axle (the first one is not used)'
             ),
             unit='m',
             read_only=True,
@@ -63,7 +63,7 @@ class PlantBehaviour(Behaviour):
         NodeParameter(
             'multipass',
             default=True,
-            description='whether wheels meet the ruts of those before them, or fresh soil',
+            description='true: wheels run in the ruts of others; false: undisturbed soil',
             read_only=True,
         ),
         NodeParameter(
@@ -102,7 +102,7 @@ class PlantBehaviour(Behaviour):
         NodeParameter(
             'drawbar_ramp',
             default=2.0,
-            description='time over which draft builds up',
+            description='time of the rise of draft from zero',
             unit='s',
             minimum=0.0,
             read_only=True,
@@ -119,7 +119,7 @@ class PlantBehaviour(Behaviour):
         NodeParameter(
             'torque_time_constant',
             default=0.1,
-            description='lag of shaft behind commanded torque',
+            description='time constant from commanded to shaft torque',
             unit='s',
             minimum=0.0,
             maximum=2.0,
@@ -136,7 +136,7 @@ class PlantBehaviour(Behaviour):
         NodeParameter(
             'torque_timeout',
             default=0.5,
-            description='silence of wheel_torque after which no torque acts',
+            description='time without wheel_torque after which torque is zero',
             unit='s',
             minimum=0.01,
             maximum=10.0,
@@ -155,10 +155,9 @@ class PlantBehaviour(Behaviour):
             'real_time_factor',
             default=1.0,
             description=(
-                'simulated per real time, 0.2 or more; 0: as fast as wheel_torque answers '
-                'every wheel_states. Unless 1, /clock is published and stamps are '
-                'simulated time; the gate goes on measuring its time-outs and rates in '
-                'real time'
+                'simulated over real time, at least 0.2; 0: as fast as possible, a step per '
+                'wheel_torque. Unless 1, /clock is published and stamps are simulated time; '
+                'timeouts and rates of the gate are still in real time'
             ),
             minimum=0.0,
             maximum=100.0,
@@ -168,8 +167,8 @@ class PlantBehaviour(Behaviour):
             'wait_for_subscribers',
             default=5.0,
             description=(
-                'as fast as possible: longest real time to wait until every topic but /clock '
-                'has a subscriber; 0 begins at once'
+                'as fast as possible: longest wait, in real time, for a subscriber of every topic '
+                'but /clock; 0: no wait'
             ),
             unit='s',
             minimum=0.0,
@@ -180,8 +179,8 @@ class PlantBehaviour(Behaviour):
             'wait_for_torque',
             default=5.0,
             description=(
-                'as fast as possible: real time to wait for a first publisher of '
-                'wheel_torque before going on without'
+                'as fast as possible: longest wait, in real time, for a first publisher of '
+                'wheel_torque'
             ),
             unit='s',
             minimum=0.0,
@@ -199,7 +198,7 @@ class PlantBehaviour(Behaviour):
         NodeParameter(
             'tachometer_pulses',
             default=0.0,
-            description='pulses per turn of a wheel; 0: ideal',
+            description='pulses per turn of the tachometers; 0: ideal tachometers',
             minimum=0.0,
             read_only=True,
         ),
@@ -215,7 +214,7 @@ class PlantBehaviour(Behaviour):
         NodeParameter(
             'radar_noise',
             default=0.05,
-            description='standard deviation of a reading',
+            description='standard deviation of the radar',
             unit='m/s',
             minimum=0.0,
             read_only=True,
@@ -223,7 +222,7 @@ class PlantBehaviour(Behaviour):
         NodeParameter(
             'radar_bias',
             default=0.0,
-            description='relative error of scale',
+            description='relative error of the scale of the radar',
             minimum=-0.5,
             maximum=0.5,
             read_only=True,
@@ -231,7 +230,7 @@ class PlantBehaviour(Behaviour):
         NodeParameter(
             'radar_min_speed',
             default=0.2,
-            description='speed below which the radar is blind',
+            description='smallest speed that the radar measures',
             unit='m/s',
             minimum=0.0,
             read_only=True,
@@ -239,7 +238,7 @@ class PlantBehaviour(Behaviour):
         NodeParameter(
             'radar_latency',
             default=0.0,
-            description='delay of a reading',
+            description='delay of the radar',
             unit='s',
             minimum=0.0,
             maximum=1.0,
@@ -248,14 +247,14 @@ class PlantBehaviour(Behaviour):
         NodeParameter(
             'seed',
             default=0,
-            description='seed of all noise',
+            description='seed of the noise',
             minimum=0,
             read_only=True,
         ),
     )
 
     def check_parameters(self, p: SimpleNamespace) -> None:
-        """Refuse definitions that cannot be loaded and lists that do not fit."""
+        """Check that definitions can be loaded and lists have matching lengths."""
         if 0.0 < p.real_time_factor < 0.2:
             raise ValueError(
                 f'real_time_factor {p.real_time_factor} is too slow: the torque gate takes '
@@ -286,7 +285,7 @@ class PlantBehaviour(Behaviour):
         )
 
     def configure(self) -> None:
-        """Build the plant and begin to simulate."""
+        """Construct the plant and start the simulation."""
         p = self.host.p
         self._plant = self._build(p)
         names = self._plant.vehicle.wheel_names
@@ -300,7 +299,7 @@ class PlantBehaviour(Behaviour):
         self._came_due: Counter[str] = Counter()
         self._torque = [0.0] * len(names)
         self._torque_steady = -math.inf
-        self._answered = True  # nothing is published that could be answered
+        self._answered = True  # no wheel_states published yet
         self._refused = ''
         self._over = False
 
@@ -357,7 +356,7 @@ class PlantBehaviour(Behaviour):
         self.host.steady_timer(period, self._tick)
 
     def _begin(self):
-        """Publish the state at time 0, from which on it simulates."""
+        """Publish the state at time 0 and start the simulation."""
         p = self.host.p
         self._began = self.host.steady_time()
         self._publish()
@@ -382,7 +381,7 @@ class PlantBehaviour(Behaviour):
     def _tick(self) -> None:
         if self.host.p.real_time_factor:
             due = (self.host.steady_time() - self._began) * self.host.p.real_time_factor
-            # A late tick makes up for what it missed, a very late one only for some of it.
+            # A late tick catches up; a very late one only in part.
             for _ in range(10):
                 if self._plant.t + self._dt > due:
                     break
@@ -399,11 +398,11 @@ class PlantBehaviour(Behaviour):
             return
         waited = self.host.steady_time() - self._stepped
         if self.host.publisher_count('wheel_torque'):
-            # The step itself is made by the answer; without one, nothing drives any more.
+            # wheel_torque triggers the step; without it the torque is zero.
             if waited > self.host.p.torque_timeout:
                 self._step()
         elif self._steps or waited > self.host.p.wait_for_torque:
-            # Nobody to wait for; back to the executor now and then.
+            # No publisher to wait for; return to the executor regularly.
             until = self.host.steady_time() + 0.005
             while self.host.steady_time() < until:
                 self._step()
@@ -460,7 +459,7 @@ class PlantBehaviour(Behaviour):
             radar.twist.twist.linear.x = speed
             to_stamp(radar.header.stamp, self._epoch + t)
             self._outputs['radar'].publish(radar)
-        # Last, as it is what the others answer to.
+        # Last, because other nodes respond to it.
         wheels = self._messages['wheel_states']
         wheels.velocity = self._tachometer.read(plant.omega, self._dt).tolist()
         wheels.effort = plant.shaft_torque.tolist()
@@ -469,10 +468,10 @@ class PlantBehaviour(Behaviour):
         self._send('wheel_states', wheels)
 
     def _due(self, name: str, rate: float) -> bool:
-        """Whether a topic with a rate of its own is due at this step, at most once a step.
+        """True if a topic with its own rate is due at this step, at most once per step.
 
-        Its k-th time is k/rate of simulated time, so that the mean rate is exact even where
-        its period is no multiple of the step.
+        The k-th due time is k/rate of simulated time, so the mean rate is exact even if the period
+        is no multiple of the step.
         """
         due: bool = self._steps * rate >= (self._came_due[name] - 1e-6) * self.host.p.rate
         self._came_due[name] += due

@@ -1,6 +1,6 @@
-"""Many runs at once: vehicles, soils and torques side by side, on all cores or on a GPU.
+"""Batches: many runs with different vehicles, soils and torques, on all cores or a GPU.
 
-Every run is what `traction_model.simulation.simulate.simulate` makes of it, by the same kernels.
+Every run equals one of `traction_model.simulation.simulate.simulate`, with the same kernels.
 """
 
 import math
@@ -50,7 +50,7 @@ def _run_all(dt, every, runs, states, logged):
 
 @dataclass(frozen=True)
 class Batch:
-    """Simulated motions; b runs, m samples kept, n wheels.
+    """Simulated motions; b runs, m stored samples, n wheels.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class Batch:
     resistance : ndarray, shape (b, m, n)
         R, N, positive against forward motion.
     moment : ndarray, shape (b, m, n)
-        M, N·m, the soil's resistance to the wheel's rotation.
+        M, N·m, moment of the soil against the rotation of the wheel.
     """
 
     t: Array
@@ -102,16 +102,16 @@ def simulate_batch(
     every: int = 1,
     device: Literal['cpu', 'gpu'] = 'cpu',
 ) -> Batch:
-    """Simulate many runs at once, each as `simulate` would.
+    """Simulate many runs, each as with `simulate`.
 
-    What is given once counts for every run.
+    An argument given once applies to every run.
 
     Parameters
     ----------
     vehicles : Vehicle or sequence of Vehicle
-        What drives; all with equally many wheels.
+        Vehicles, all with the same number of wheels.
     terrains : Terrain, Soil, or sequence of them
-        What they drive on.
+        Terrains.
     torque : array_like, shape (k, n) or (b, k, n)
         Torque on every wheel at every sample, N·m; linear in between.
     dt : float
@@ -123,25 +123,25 @@ def simulate_batch(
     drawbars : Drawbar or sequence of Drawbar
         Drafts, N.
     multipass : bool
-        Whether wheels meet the ruts of those before them, or fresh soil.
+        True: wheels run in the ruts of those before them. False: undisturbed soil.
     v0 : float or array_like, shape (b,)
         Speed at the start, m/s; wheels roll without slip.
     every : int
-        Of how many samples one is kept, at least 1.
+        Number of samples per stored one, at least 1.
     device : {'cpu', 'gpu'}
-        Where: on all cores, or on a CUDA GPU, which takes the package numba-cuda.
+        All cores, or a CUDA GPU, which needs the package numba-cuda.
 
     Returns
     -------
     Batch
-        The motions, SI units, one row a run.
+        Motions, SI units, one row per run.
 
     Raises
     ------
     ValueError
         If an argument has the wrong shape or is out of range; the text names it and the run.
     traction_model.simulation.gpu.NoGpuError
-        If a GPU is asked for and there is none; the text says what is missing.
+        If there is no GPU; the text has the reason.
     """
     runs = _packed(vehicles, terrains, torque, dt, form, sinkage, drawbars, multipass, v0)
     if isinstance(every, bool) or not isinstance(every, int) or every < 1:
@@ -155,7 +155,7 @@ def simulate_batch(
     if device == 'cpu':
         _run_all(dt, every, runs, states, forces)
     elif device == 'gpu':
-        # Here, as numba-cuda is not needed otherwise.
+        # Imported on demand: numba-cuda is optional.
         from traction_model.simulation.gpu import run_all
 
         run_all(dt, every, runs, states, forces)
@@ -189,7 +189,7 @@ def _packed(
     multipass: bool,
     v0: ArrayLike,
 ) -> Runs:
-    """Check what is to run, and pack it."""
+    """Checked and packed runs."""
     if sinkage not in ('dynamic', 'equilibrium'):
         raise ValueError(f"sinkage must be 'dynamic' or 'equilibrium', got {sinkage!r}")
     if not 0 < dt <= 0.02:
@@ -249,7 +249,7 @@ def _packed(
     forces = np.zeros((count, n, FORCE_COLUMNS))
     forces[:, :, LOAD] = wheels[:, :, STATIC_LOAD]
     forces[:, :, SINKAGE] = np.array(states)[:, FIRST_WHEEL + n : FIRST_WHEEL + 2 * n]
-    # Only the contact form knows ruts.
+    # Only the contact form uses ruts.
     tracks = int(wheels[:, :, TRACK].max()) + 1 if form == Form.CONTACT else 0
     fresh = fresh_ruts(tracks, max(ruts))
     soils = max(len(model.starts) for model in models)
@@ -279,7 +279,7 @@ def _of_run(things: Any, b: int) -> Any:
 
 
 def _lengthened(values: Array, size: int, axis: int, fill: float | None = None) -> Array:
-    """Repeat the last entry along an axis, or a number, up to a length."""
+    """Array extended along an axis by its last entry or a number."""
     missing = size - values.shape[axis]
     last = np.take(values, [-1], axis=axis)
     if fill is not None:

@@ -9,16 +9,16 @@ from traction_model.kernel import inlined
 
 @dataclass(frozen=True)
 class Drawbar:
-    """Draft of an implement: resists motion, grows with speed.
+    """Draft of an implement: a resistance that grows with speed.
 
     Attributes
     ----------
     pull : float
-        N, at least 0.
+        Draft at rest, N, at least 0.
     pull_per_speed : float
-        N*s/m, at least 0.
+        Growth with speed, N*s/m, at least 0.
     ramp : float
-        Time over which it builds up from zero, s, at least 0.
+        Time of the rise from zero, s, at least 0.
     """
 
     pull: float = 0.0
@@ -43,12 +43,12 @@ def drawbar_force(t, v, pull, pull_per_speed, ramp):
     v : float
         Speed, m/s.
     pull, pull_per_speed, ramp : float
-        Those of a `Drawbar`, N, N*s/m, s.
+        As in `Drawbar`, N, N*s/m, s.
 
     Returns
     -------
     float
-        N, backward positive; fades out at standstill, as an implement does not push.
+        N, backward positive; 0 at standstill, since an implement does not push.
     """
     share = min(1.0, t / ramp) if ramp > 0.0 else 1.0
     direction = max(-1.0, min(1.0, v / MIN_TRANSIT_SPEED))

@@ -1,4 +1,4 @@
-"""Batches on a CUDA GPU: the same functions, compiled by numba-cuda for one run a thread."""
+"""Batches on a CUDA GPU: the same functions, compiled by numba-cuda, one run per thread."""
 
 from functools import cache
 from typing import Any
@@ -10,20 +10,20 @@ from numpy.typing import NDArray
 from traction_model.simulation.runs import Runs, run_one
 
 THREADS = 64
-"""Runs per block: each takes many registers."""
+"""Runs per block, limited by the number of registers."""
 
 
 class NoGpuError(RuntimeError):
-    """There is no GPU to use; the text says what is missing."""
+    """There is no usable GPU; the text has the reason."""
 
 
 def missing() -> str:
-    """Say why batches cannot run on a GPU here.
+    """Reason why batches cannot run on a GPU.
 
     Returns
     -------
     str
-        The reason, one line of text without a unit; empty where they can.
+        One line of text without a unit; empty if they can.
     """
     if cuda.is_available():
         return ''
@@ -33,7 +33,7 @@ def missing() -> str:
 
 @cache
 def _kernel() -> Any:
-    """Compile for the GPU, once."""
+    """Compiled kernel for the GPU, cached."""
 
     @cuda.jit
     def run(dt, every, runs, states, logged):
@@ -58,18 +58,18 @@ def run_all(
     dt : float
         Time between samples of torque, s.
     every : int
-        Of how many samples one is kept.
+        Number of samples per stored one.
     runs : Runs
         All runs, SI units.
     states : ndarray, shape (b, m, 2 + 3n)
-        Out: states at the samples kept, SI units.
+        Out: states at the stored samples, SI units.
     logged : ndarray, shape (b, m, n, 7)
-        Out: forces at the samples kept, SI units.
+        Out: forces at the stored samples, SI units.
 
     Raises
     ------
     NoGpuError
-        If there is no GPU; the text says what is missing.
+        If there is no GPU; the text has the reason.
     """
     reason = missing()
     if reason:

@@ -1,4 +1,4 @@
-"""A vehicle on terrain that is advanced step by step under commanded torque."""
+"""Plant: vehicle on terrain, advanced step by step under commanded torque."""
 
 import math
 from typing import Literal
@@ -48,7 +48,7 @@ def _begin(y, torque, given, model, ruts, forces, work):
 def _drive(
     t, dt, steps, y, command, shaft, keep, max_power, torque, given, model, ruts, forces, work
 ):
-    """Advance a plant by steps of a duration, its torque lagging and limited in power."""
+    """Advance a plant by steps, with lag of torque and limit of power."""
     n = command.size
     for k in range(steps):
         power = 0.0
@@ -71,14 +71,14 @@ def _drive(
 
 
 class Plant:
-    """A vehicle on terrain, advanced step by step.
+    """Vehicle on terrain, advanced step by step.
 
     Parameters
     ----------
     vehicle : Vehicle
-        What drives.
+        The vehicle.
     terrain : Terrain or Soil
-        What it drives on.
+        Terrain or soil.
     form : Form
         Form of the contact model.
     sinkage : {'dynamic', 'equilibrium'}
@@ -86,12 +86,12 @@ class Plant:
     drawbar : Drawbar
         Draft of the implement, N.
     multipass : bool
-        Whether wheels meet the ruts of those before them, or fresh soil.
+        True: wheels run in the ruts of those before them. False: undisturbed soil.
     torque_time_constant : float
         First-order lag between commanded and shaft torque, s, at least 0.
     max_power : float
-        Power of the engine, W, above 0: where the wheels ask for more, all their torques are
-        reduced alike.
+        Power of the engine, W, above 0. If the wheels need more, all torques have the same
+        reduction factor.
     step_size : float
         Longest integration step, s, above 0.
     v0 : float
@@ -100,7 +100,7 @@ class Plant:
     Raises
     ------
     ValueError
-        Naming the parameter that is out of range.
+        If a parameter is out of range.
     """
 
     def __init__(
@@ -148,7 +148,7 @@ class Plant:
         self.shaft_torque = np.zeros(self.n_wheels)
         self._forces = np.zeros((self.n_wheels, FORCE_COLUMNS))
         self._forces[:, LOAD] = vehicle.static_loads()
-        # Room for the kernels: torque at the start and end of a step, no given sinkage, slopes.
+        # Arrays for kernels: torque at the start and end of a step, unused sinkage, slopes.
         self._torque = np.zeros((2, self.n_wheels))
         self._not_given = np.zeros((2, 3, self.n_wheels))
         self._work = np.zeros((3, self.state.size))
@@ -164,7 +164,7 @@ class Plant:
 
     @property
     def terrain(self) -> Terrain:
-        """Terrain that it drives on, SI units; may be changed on the way, ruts stay."""
+        """Terrain, SI units; may be changed during a run, ruts are kept."""
         return self._terrain
 
     @terrain.setter
@@ -174,7 +174,7 @@ class Plant:
 
     @property
     def drawbar(self) -> Drawbar:
-        """Draft of the implement, N; may be changed on the way. Its ramp counts from t = 0."""
+        """Draft of the implement, N; may be changed during a run. Its ramp starts at t = 0."""
         return self._drawbar
 
     @drawbar.setter
@@ -214,7 +214,7 @@ class Plant:
 
     @property
     def slip_valid(self) -> list[bool]:
-        """Validity of every wheel's slip: rim or vehicle is fast enough, n entries."""
+        """True if the slip of a wheel is valid: rim or vehicle fast enough, n entries."""
         return [is_valid(self.v, float(rim), MIN_SPEED) for rim in self.rim_speed]
 
     @property
@@ -251,7 +251,7 @@ class Plant:
     def soil_moment(self) -> Array:
         """Moment M of the soil about every wheel's centre, N·m, shape (n,).
 
-        Positive where it resists forward rotation.
+        Positive if it resists forward rotation.
         """
         return self._forces[:, MOMENT]
 
@@ -284,7 +284,7 @@ class Plant:
 
     @property
     def external_resistance(self) -> float:
-        """Gross traction less what accelerates the vehicle, N: soil, drawbar, grade and air."""
+        """Gross traction less m*dv/dt, N: motion resistance, drawbar, grade and air drag."""
         grade = self._model.grades[soil_row(self.x, self._model.starts)]
         climb = self._model.mass * GRAVITY * math.sin(grade)
         drag = self._model.drag * self.v * abs(self.v)
@@ -306,8 +306,7 @@ class Plant:
         Raises
         ------
         ValueError
-            If a torque is not finite, their number is not the number of wheels, or the
-            duration is not above 0.
+            If a torque is not finite, their number is wrong, or the duration is not above 0.
         """
         if not (math.isfinite(duration) and duration > 0):
             raise ValueError(f'duration must be above 0 s, got {duration}')

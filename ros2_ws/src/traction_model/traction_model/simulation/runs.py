@@ -1,4 +1,4 @@
-"""The runs of a batch as arrays, and the kernel that integrates one of them."""
+"""Runs of a batch as arrays, and the kernel for one of them."""
 
 from typing import NamedTuple
 
@@ -13,14 +13,14 @@ Array = NDArray[np.float64]
 
 
 class Runs(NamedTuple):
-    """All runs, packed for the kernels; b runs, n wheels, k soils, m samples kept.
+    """Packed runs, for kernels; b runs, n wheels, k soils, m stored samples.
 
     Attributes
     ----------
     form, mode : int
         As in `Model`.
     wheels : ndarray, shape (b, n, 7)
-        SI units, as in `Model`; so are the next.
+        Packed wheels, SI units, as in `Model`; so are the next.
     load_distribution : ndarray, shape (b, n, 2)
         Dimensionless and 1/m.
     soils : ndarray, shape (b, n, k, 17)
@@ -32,17 +32,17 @@ class Runs(NamedTuple):
     depth, shear, rut_width : ndarray, shape (b, tracks, cells)
         As in `Ruts`, m.
     newest : ndarray, shape (b, tracks)
-        Number of the foremost cell, as in `Ruts`.
+        Index of the foremost cell, dimensionless, as in `Ruts`.
     y : ndarray, shape (b, 2 + 3n)
         States, SI units, as in `traction_model.simulation.vehicle_dynamics.derivative`.
     forces : ndarray, shape (b, n, 7)
-        Forces, SI units, as there.
+        Forces, SI units, as in the same function.
     work : ndarray, shape (b, 3, 2 + 3n)
-        Room to work in, SI units.
+        Working memory, SI units.
     torque : ndarray, shape (b or 1, samples, n)
-        N·m; one for all, or one a run.
+        Torque, N·m; one for all runs, or one each.
     given : ndarray, shape (2, 3, n)
-        Stands for given sinkage, m, which batches do not take.
+        Unused given sinkage, m.
     """
 
     form: int
@@ -71,17 +71,17 @@ def run_one(b, dt, every, runs, states, logged):
     Parameters
     ----------
     b : int
-        Which.
+        Index of the run.
     dt : float
         Time between samples of torque, s.
     every : int
-        Of how many samples one is kept.
+        Number of samples per stored one.
     runs : Runs
-        All of them, SI units; states, ruts and forces are changed in place.
+        All runs, SI units; states, ruts and forces are changed in place.
     states : ndarray, shape (b, m, 2 + 3n)
-        Out: states at the samples kept, SI units.
+        Out: states at the stored samples, SI units.
     logged : ndarray, shape (b, m, n, 7)
-        Out: forces at the samples kept, SI units.
+        Out: forces at the stored samples, SI units.
     """
     numbers = runs.numbers[b]
     model = Model(

@@ -1,4 +1,4 @@
-"""Sensors of a simulated vehicle: tachometers that count teeth, a radar with its faults."""
+"""Sensors of a simulated vehicle: tachometers with counted pulses, and a radar with errors."""
 
 import math
 from collections import deque
@@ -11,15 +11,15 @@ from numpy.typing import ArrayLike, NDArray
 class Tachometer:
     """Wheel speed from counted pulses.
 
-    The pulses of every sampling period are counted and divided by its length, so that the
-    reading is quantised in steps of ``2*pi/(pulses_per_turn*dt)`` whose error averages out.
+    A reading is the number of pulses in a sampling period over its length. It has a resolution of
+    ``2*pi/(pulses_per_turn*dt)``; the errors cancel in the mean.
 
     Parameters
     ----------
     n_wheels : int
         Number of wheels.
     pulses_per_turn : float
-        Pulses of one turn of the wheel, at least 0; 0 stands for an ideal tachometer.
+        Pulses per turn of the wheel, at least 0; 0: ideal tachometer.
 
     Raises
     ------
@@ -61,7 +61,7 @@ class Tachometer:
 
 @dataclass(frozen=True)
 class RadarModel:
-    """Faults of a ground speed radar.
+    """Errors of a ground speed radar.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class RadarModel:
     bias : float
         Relative error of its scale, dimensionless, above -1.
     min_speed : float
-        Speed below which it gives no reading, m/s, at least 0.
+        Smallest speed that it measures, m/s, at least 0.
     latency : float
         Time from measurement to delivery, s, at least 0.
     """
@@ -88,14 +88,14 @@ class RadarModel:
 
 
 class Radar:
-    """A ground speed radar.
+    """Ground speed radar.
 
     Parameters
     ----------
     model : RadarModel
-        Its faults.
+        Errors of the radar.
     seed : int
-        Seed of its noise, so that a run can be repeated.
+        Seed of its noise.
     """
 
     def __init__(self, model: RadarModel, seed: int) -> None:
@@ -104,7 +104,7 @@ class Radar:
         self._under_way: deque[tuple[float, float]] = deque()
 
     def measure(self, t: float, v: float) -> None:
-        """Take a measurement, which gets under way unless the radar is blind.
+        """Measure the speed, unless it is below the smallest measurable one.
 
         Parameters
         ----------
@@ -118,7 +118,7 @@ class Radar:
             self._under_way.append((t, v * (1 + self.model.bias) + noise))
 
     def deliver(self, t: float) -> list[tuple[float, float]]:
-        """Deliver the measurements whose latency has passed, each once.
+        """Measurements whose latency has passed, each once.
 
         Parameters
         ----------

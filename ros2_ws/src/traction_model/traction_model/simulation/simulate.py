@@ -37,12 +37,12 @@ from traction_model.vehicle.wheel import STATIC_LOAD
 Array = NDArray[np.float64]
 
 SMOOTHED = 0.05
-"""Over which time given sinkage is differentiated, s."""
+"""Time window for the differentiation of given sinkage, s."""
 
 
 @dataclass(frozen=True)
 class Trajectory:
-    """A simulated motion; k samples, n wheels.
+    """Simulated motion; k samples, n wheels.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class Trajectory:
     resistance : ndarray, shape (k, n)
         R, N, positive against forward motion.
     moment : ndarray, shape (k, n)
-        M, N·m, the soil's resistance to the wheel's rotation.
+        M, N·m, moment of the soil against the rotation of the wheel.
     """
 
     t: Array
@@ -84,7 +84,7 @@ class Trajectory:
 def _run(t0, dt, y, torque, given, model, ruts, forces, work, states, logged):
     n, form, mode = model.wheels.shape[0], model.form, model.mode
     if n == 1 and form == BEKKER_WONG and mode == DYNAMIC:
-        # What is known when it is compiled leaves loops and branches out: a fifth of the time.
+        # Constants at compile time remove loops and branches: a fifth of the time.
         integrate(
             t0, dt, y, torque, given, model, ruts, forces, work, 1, states, logged, 1,
             BEKKER_WONG, DYNAMIC,
@@ -118,9 +118,9 @@ def simulate(
     Parameters
     ----------
     vehicle : Vehicle
-        What drives.
+        The vehicle.
     terrain : Terrain or Soil
-        What it drives on.
+        Terrain or soil.
     torque : array_like, shape (k, n)
         Torque on every wheel at every sample, N·m; linear in between.
     dt : float
@@ -128,34 +128,33 @@ def simulate(
     form : Form
         Form of the contact model.
     sinkage : {'dynamic', 'equilibrium'} or array_like, shape (k, n)
-        Sinkage as a state, from vertical equilibrium, or given, m (from equilibrium where
-        it is not positive). With given sinkage the soil carries the vehicle's weight, as it is
-        spread over the wheels, less what the acceleration of sinkage takes of it.
+        Sinkage as a state, from vertical equilibrium, or given, m (from equilibrium if it is not
+        positive). With given sinkage the load on the soil is the wheel load less mass times the
+        acceleration of sinkage.
     drawbar : Drawbar
         Draft, N.
     multipass : bool
-        Whether wheels meet the ruts of those before them, or fresh soil.
+        True: wheels run in the ruts of those before them. False: undisturbed soil.
     shear_step : float
-        Time of shearing, s, at least 0, that soil has behind it as soon as it is touched: 0
-        but where a simulation that takes steps is to be reproduced, as it counts shear by
-        whole steps.
+        Time of shear before contact, s, at least 0: 0, or the time step of a simulation to
+        reproduce, which integrates shear in whole steps.
     t0 : float
         Time of the first sample, s.
     x0 : float
-        Place of the rear axle at `t0`, m along the path.
+        Position of the rear axle at `t0`, m along the path.
     v0 : float
         Speed at `t0`, m/s.
     omega0 : array_like, shape (n,), optional
-        Wheel speeds at `t0`, rad/s; rolling without slip when not given.
+        Wheel speeds at `t0`, rad/s; default: rolling without slip.
     sinkage0 : array_like, shape (n,), optional
-        Sinkages at `t0`, m, where sinkage is a state; those at rest when not given.
+        Sinkages at `t0`, m, if sinkage is a state; default: those at rest.
     sinkage_rate0 : array_like, shape (n,), optional
-        Their rates, m/s, downward positive; 0 when not given.
+        Their rates, m/s, downward positive; default: 0.
 
     Returns
     -------
     Trajectory
-        The motion, SI units, one row a sample.
+        Motion, SI units, one row per sample.
 
     Raises
     ------
@@ -180,7 +179,7 @@ def simulate(
     radii = np.array([wheel.radius for wheel in vehicle.wheels])
     start = initial_state(vehicle, terrain, form)
     start[SPEED], start[DISTANCE] = v0, x0
-    # Rolling without slip, where nothing else is said.
+    # Default: rolling without slip.
     start[FIRST_WHEEL : FIRST_WHEEL + n] = v0 / radii
     for k, (name, values) in enumerate(
         (('omega0', omega0), ('sinkage0', sinkage0), ('sinkage_rate0', sinkage_rate0))
@@ -220,7 +219,7 @@ def simulate(
 
 def _with_rates(depth: Array, dt: float) -> Array:
     """Sinkage, its rate and its acceleration, each smoothed over SMOOTHED seconds."""
-    # Here, as it takes longer to import than all the rest of the package.
+    # Imported on demand, since the import takes longer than that of the rest of the package.
     from scipy.signal import savgol_filter
 
     window = max(5, 2 * round(SMOOTHED / dt / 2) + 1)
@@ -231,7 +230,7 @@ def _with_rates(depth: Array, dt: float) -> Array:
 
 
 def _series(name: str, values: ArrayLike, n: int) -> Array:
-    """Check samples of n wheels."""
+    """Checked samples of n wheels."""
     series = np.asarray(values, dtype=float)
     if series.ndim != 2 or series.shape[1] != n or len(series) < 2:
         raise ValueError(f'{name} must have shape (samples, {n}), got {series.shape}')

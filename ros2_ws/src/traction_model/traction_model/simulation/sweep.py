@@ -1,7 +1,7 @@
 """Sweeps: many drives with soil, vehicle and torque drawn from distributions (Monte Carlo).
 
-A definition in YAML says what is nominal and what varies. Draws follow from it and its seed
-alone, so it does not matter who simulates which of them.
+A definition in YAML has the nominal drive and the varied quantities. Draws depend only on
+definition and seed, not on the processes that simulate them.
 """
 
 import math
@@ -30,10 +30,10 @@ Row = dict[str, Any]
 Loaded = TypeVar('Loaded')
 
 IMMOBILE_SPEED = 0.1
-"""Speed below which a vehicle whose wheels turn is immobilised, m/s."""
+"""Speed below which a vehicle with turning wheels counts as immobilised, m/s."""
 
 IMMOBILE_TIME = 1.0
-"""Time at the end of a drive over which it must be so, s."""
+"""Time at the end of a drive for this condition, s."""
 
 STEEPEST_DEG = math.degrees(STEEPEST)
 """Steepest grade, degrees."""
@@ -69,13 +69,13 @@ UNITS = {
     'initial_speed': 'm/s',
     'torque': '1',
 }
-"""Units of what can be varied, by the last part of its name."""
+"""Units of quantities, by the last part of their names."""
 
 LAW_UNITS = {
     'bernstein': {'frictional_modulus': 'N/m^2.5'},
     'reece': {'cohesive_modulus': '1', 'frictional_modulus': '1'},
 }
-"""Units of a soil's moduli where its pressure-sinkage law is not Bekker's."""
+"""Units of a soil's moduli for pressure-sinkage laws other than Bekker's."""
 
 
 class Figure(NamedTuple):
@@ -84,9 +84,9 @@ class Figure(NamedTuple):
     Attributes
     ----------
     unit : str
-        Its unit, '1' where it has none, '' where it is not a number.
+        Its unit; '1' if dimensionless, '' if it is not a number.
     meaning : str
-        What it says.
+        Its meaning.
     """
 
     unit: str
@@ -105,11 +105,11 @@ FIGURES = {
     'tractive_efficiency': Figure('1', 'drawbar_work over energy_in'),
     'immobilised': Figure('', 'wheels turn but the vehicle stands at the end'),
 }
-"""Figures of a drive; all but final_speed and distance count from the settle time on."""
+"""Figures of a drive; all but final_speed and distance start at the settle time."""
 
 
 def _several(value: Any) -> Any:
-    """One value stands for a list of one."""
+    """List of one for a single value."""
     return value if isinstance(value, list | tuple) else (value,)
 
 
@@ -118,16 +118,16 @@ Names = Annotated[tuple[str, ...], BeforeValidator(_several), Field(min_length=1
 
 
 class Ramp(Definition):
-    """Torque that rises or falls in a straight line and then stays.
+    """Torque that changes linearly and is then constant.
 
     Attributes
     ----------
     to : tuple of float
-        Torque at its end, N·m, one a wheel or one for all.
+        Final torque, N·m, one per wheel or one for all.
     over : float
-        Time it takes, s, above 0.
+        Duration of the change, s, above 0.
     start : tuple of float
-        Torque at its start, N·m, one a wheel or one for all.
+        Initial torque, N·m, one per wheel or one for all.
     """
 
     to: Torques
@@ -136,14 +136,14 @@ class Ramp(Definition):
 
 
 class Step(Definition):
-    """Torque from a time on.
+    """Constant torque from a time on.
 
     Attributes
     ----------
     at : float
         s, at least 0.
     torque : tuple of float
-        N·m, one a wheel or one for all.
+        N·m, one per wheel or one for all.
     """
 
     at: float = Field(ge=0)
@@ -156,11 +156,11 @@ class TorqueProfile(Definition):
     Attributes
     ----------
     constant : tuple of float, optional
-        N·m, forward positive, one a wheel or one for all.
+        N·m, forward positive, one per wheel or one for all.
     ramp : Ramp, optional
-        Torque that changes in a straight line.
+        Linear change of torque.
     steps : tuple of Step, optional
-        Torque that stays until the next step, the first at 0 s.
+        Torque that is constant until the next step, the first at 0 s.
     """
 
     constant: Torques | None = None
@@ -195,7 +195,7 @@ class TorqueProfile(Definition):
         Raises
         ------
         ValueError
-            If torques are given for another number of wheels.
+            If the number of torques does not match that of the wheels.
         """
         if self.constant is not None:
             return np.tile(_per_wheel('constant', self.constant, wheels), (len(t), 1))
@@ -220,7 +220,7 @@ def _per_wheel(key: str, torques: tuple[float, ...], wheels: int) -> Array:
 
 
 class Draft(Definition):
-    """Draft of an implement, as `traction_model.simulation.drawbar.Drawbar` takes it.
+    """Draft of an implement, as in `traction_model.simulation.drawbar.Drawbar`.
 
     Attributes
     ----------
@@ -229,7 +229,7 @@ class Draft(Definition):
     pull_per_speed : float
         N*s/m, at least 0.
     ramp : float
-        Time over which it builds up, s, at least 0.
+        Time of the rise from zero, s, at least 0.
     """
 
     pull: float = Field(default=0.0, ge=0)
@@ -238,14 +238,14 @@ class Draft(Definition):
 
 
 class SimulatedDrive(Definition):
-    """One drive: all numbers that a sweep can vary.
+    """Drive with all quantities that a sweep can vary.
 
     Attributes
     ----------
     vehicle : Vehicle
-        What drives, SI units.
+        The vehicle, SI units.
     soil : tuple of Soil
-        The soils along the path, SI units.
+        Soils along the path, SI units.
     drawbar : Draft
         Draft of the implement, SI units.
     grade_deg : float
@@ -253,7 +253,7 @@ class SimulatedDrive(Definition):
     initial_speed : float
         m/s, forward positive; the wheels roll without slip.
     torque : float
-        Share of the nominal torque that the wheels get, dimensionless.
+        Torque over nominal torque, dimensionless.
     """
 
     vehicle: Vehicle
@@ -265,7 +265,7 @@ class SimulatedDrive(Definition):
 
 
 class SweepDefinition(Definition):
-    """A sweep as its YAML file gives it.
+    """Definition of a sweep in YAML.
 
     Attributes
     ----------
@@ -274,7 +274,7 @@ class SweepDefinition(Definition):
     soil : tuple of str
         Soils along the path: presets or ``file.yaml:name``.
     soil_starts : tuple of float
-        Where each soil but the first begins, m along the path, increasing.
+        Start of each soil after the first, m along the path, increasing.
     drawbar : Draft
         Draft of the implement, SI units.
     grade_deg : float
@@ -288,15 +288,15 @@ class SweepDefinition(Definition):
     dt : float
         Time between samples, s, above 0 and at most 0.02.
     settle : float
-        Time from which figures count, s, at least 0 and below `duration`.
+        Start time of the figures, s, at least 0 and below `duration`.
     draws : int
         Number of drives, at least 1.
     seed : int
         Seed of the draws, at least 0.
     sampling : {'random', 'latin_hypercube', 'sobol'}
-        How points are spread over the space of what varies.
+        Method for the points in the space of the varied quantities.
     vary : dict of str
-        A `Distribution` for each quantity that varies, by the quantity's name.
+        A `Distribution` for each varied quantity, by name.
     """
 
     vehicle: str
@@ -331,14 +331,14 @@ class SweepDefinition(Definition):
 
 @dataclass(frozen=True)
 class Quantity:
-    """A number, or a whole soil, that can be varied.
+    """Number or whole soil that can be varied.
 
     Attributes
     ----------
     name : str
-        How a definition names it, e.g. ``soil.cohesion``.
+        Name in a definition, such as ``soil.cohesion``.
     path : tuple of str and int
-        Where it lies in a `SimulatedDrive`.
+        Path in a `SimulatedDrive`.
     unit : str
         Unit of its values; '' for a whole soil, whose values are names.
     nominal : float or str
@@ -346,7 +346,7 @@ class Quantity:
     least, most : float
         Range of valid values in that unit; may be infinite.
     scale : float
-        SI per unit, dimensionless but for angles: rad per degree.
+        SI unit per unit: dimensionless, or rad per degree for angles.
     """
 
     name: str
@@ -360,14 +360,14 @@ class Quantity:
 
 @dataclass(frozen=True)
 class SweepDraw:
-    """One point of a sweep.
+    """Draw of a sweep: index and values.
 
     Attributes
     ----------
     number : int
-        Counts from 0.
+        Index, from 0.
     values : dict
-        Values of what varies, by name, in the units of the quantities.
+        Values of the varied quantities, by name, in their units.
     """
 
     number: int
@@ -376,18 +376,18 @@ class SweepDraw:
 
 @dataclass(frozen=True)
 class Sweep:
-    """A sweep, read and checked; it needs no file any more and can be sent to other machines.
+    """Checked sweep; it needs no files and can be sent to other machines.
 
     Attributes
     ----------
     definition : SweepDefinition
-        As read, SI units.
+        Definition, SI units.
     nominal : SimulatedDrive
         The nominal drive, SI units.
     soils : dict of str to Soil
-        All soils that are named, SI units.
+        All named soils, SI units.
     varied : dict of Quantity to Distribution
-        What varies, and how, in the units of the quantities.
+        Distributions of the varied quantities, in their units.
     """
 
     definition: SweepDefinition
@@ -396,18 +396,18 @@ class Sweep:
     varied: Mapping[Quantity, Distribution]
 
     def draws(self) -> list[SweepDraw]:
-        """Draw all points: a function of the definition alone.
+        """All draws; they depend on the definition alone.
 
         Returns
         -------
         list of SweepDraw
-            One a drive.
+            One per drive.
         """
         definition = self.definition
         points = _points(definition.sampling, definition.draws, len(self.varied), definition.seed)
         shares = dict(zip(self.varied, points.T, strict=True))
         columns: dict[str, NDArray[Any]] = {}
-        # Whole soils first: they are what the other quantities of a soil are relative to.
+        # Whole soils first, since other quantities of a soil are relative to them.
         for quantity in sorted(self.varied, key=lambda quantity: quantity.unit != ''):
             columns[quantity.name] = self.varied[quantity].values(
                 shares[quantity], self._nominal(quantity, columns), quantity.least, quantity.most
@@ -419,7 +419,7 @@ class Sweep:
         ]
 
     def _nominal(self, quantity: Quantity, columns: Mapping[str, NDArray[Any]]) -> Any:
-        """Nominal value of a quantity, in every draw where soils are drawn."""
+        """Nominal value of a quantity; with drawn soils one per draw."""
         if not quantity.unit:
             return math.nan
         for other in self.varied:
@@ -432,7 +432,7 @@ class Sweep:
         return quantity.nominal
 
     def scenario(self, draw: SweepDraw) -> SimulatedDrive:
-        """The drive of a draw.
+        """Drive of a draw.
 
         Parameters
         ----------
@@ -447,7 +447,7 @@ class Sweep:
         Raises
         ------
         DefinitionError
-            If the values do not go together; the text names one of them.
+            If the values contradict each other; the text has one of them.
         """
         content = self.nominal.model_dump(mode='json')
         for quantity in sorted(self.varied, key=lambda quantity: len(quantity.path)):
@@ -468,19 +468,19 @@ def read_sweep(path: str | Path, *, draws: int | None = None, seed: int | None =
     Parameters
     ----------
     path : str or Path
-        YAML file; vehicles and soils in files of one's own are looked for beside it.
+        YAML file; paths of vehicles and soils are relative to it.
     draws, seed : int, optional
-        In place of those in the file.
+        Values that override those in the file.
 
     Returns
     -------
     Sweep
-        Checked, SI units.
+        Sweep, SI units.
 
     Raises
     ------
     DefinitionError
-        Naming file and key of what is wrong.
+        If it is invalid; the text has file and key.
     """
     path = Path(path)
     content = read_yaml(path)
@@ -526,7 +526,7 @@ def read_sweep(path: str | Path, *, draws: int | None = None, seed: int | None =
 
 
 def _check_nominal(definition: SweepDefinition, nominal: SimulatedDrive, path: Path) -> None:
-    """Check that numbers of soils and of torques fit."""
+    """Check the numbers of soils and torques."""
     try:
         Terrain(nominal.soil, definition.soil_starts)
     except ValueError as error:
@@ -538,7 +538,7 @@ def _check_nominal(definition: SweepDefinition, nominal: SimulatedDrive, path: P
 
 
 def _check_values(sweep: Sweep, path: Path) -> None:
-    """Check that all values that can be drawn are valid, each by itself."""
+    """Check the validity of all possible values, one by one."""
     columns: dict[str, NDArray[Any]] = {}
     for quantity, distribution in sweep.varied.items():
         if not quantity.unit:
@@ -553,7 +553,7 @@ def _check_values(sweep: Sweep, path: Path) -> None:
 
 
 def _named(load: Callable[[str, Path], Loaded], name: str, path: Path, key: str) -> Loaded:
-    """Load a vehicle or soil; a file of one's own is looked for beside the definition."""
+    """Vehicle or soil by name; paths are relative to the definition."""
     try:
         return load(name, path.parent)
     except DefinitionError as error:
@@ -561,9 +561,9 @@ def _named(load: Callable[[str, Path], Loaded], name: str, path: Path, key: str)
 
 
 def _unknown(name: str, known: Iterable[str]) -> str:
-    """Hint for a name that nothing has."""
+    """Hint for an unknown name."""
     names = list(known)
-    # A name without its number, where there are several of a kind.
+    # A name without an index, although there are several.
     numbered = [
         other
         for other in names
@@ -580,9 +580,9 @@ def _unknown(name: str, known: Iterable[str]) -> str:
 
 
 def quantities(nominal: SimulatedDrive, soil_names: Sequence[str]) -> dict[str, Quantity]:
-    """All that can be varied about a drive.
+    """Quantities of a drive that can be varied.
 
-    Entries of a list are numbered from 0 where there is more than one, as in
+    Entries of a list have indices from 0 if there is more than one, as in
     ``vehicle.axles.1.wheel.radius``.
 
     Parameters
@@ -595,7 +595,7 @@ def quantities(nominal: SimulatedDrive, soil_names: Sequence[str]) -> dict[str, 
     Returns
     -------
     dict of str to Quantity
-        By name.
+        Quantities by name.
     """
     found = list(_leaves(nominal, '', ()))
     for k, name in enumerate(soil_names):
@@ -609,7 +609,7 @@ def _leaves(thing: BaseModel, prefix: str, path: tuple[str | int, ...]) -> Itera
     units = UNITS | LAW_UNITS.get(getattr(thing, 'pressure_law', ''), {})
     for key, field in type(thing).model_fields.items():
         if key == 'traction_curve':
-            # Of the empirical form, which sweeps do not use.
+            # For the empirical form, which sweeps do not use.
             continue
         value = getattr(thing, key)
         inside = (*path, key)
@@ -621,7 +621,7 @@ def _leaves(thing: BaseModel, prefix: str, path: tuple[str | int, ...]) -> Itera
                     number = f'.{k}' if len(value) > 1 else ''
                     yield from _leaves(entry, f'{prefix}{key}{number}.', (*inside, k))
         elif isinstance(value, float):
-            # Angles are rad inside, degrees in files.
+            # Angles are in rad internally, in degrees in files.
             degrees = key.endswith('_angle')
             name, scale = (f'{key}_deg', math.radians(1.0)) if degrees else (key, 1.0)
             limits = {
@@ -645,7 +645,7 @@ def _points(sampling: str, draws: int, dimensions: int, seed: int) -> Array:
     """Points in the unit cube, shape (draws, dimensions)."""
     generator = np.random.default_rng(seed)
     if sampling == 'random':
-        # By rows: more draws keep those that there were.
+        # By rows, so that a larger number of draws keeps the first ones.
         return generator.random((draws, dimensions))
     if sampling == 'latin_hypercube':
         return np.asarray(qmc.LatinHypercube(dimensions, rng=generator).random(draws))
@@ -653,7 +653,7 @@ def _points(sampling: str, draws: int, dimensions: int, seed: int) -> Array:
 
 
 def simulate_draws(sweep: Sweep, draws: Sequence[SweepDraw]) -> list[Row]:
-    """Simulate some draws of a sweep: what one worker is given at a time.
+    """Simulate some draws of a sweep (one piece of work of a process).
 
     Parameters
     ----------
@@ -665,8 +665,8 @@ def simulate_draws(sweep: Sweep, draws: Sequence[SweepDraw]) -> list[Row]:
     Returns
     -------
     list of dict
-        One row a draw: its number as ``draw``, what varied and `FIGURES` in their units, and
-        ``error``, '' where all went well; figures of a drive that failed are None.
+        One row per draw: index ``draw``, varied quantities and `FIGURES` in their units, and
+        ``error``, '' without failure; figures of a failed drive are None.
     """
     rows = []
     for draw in draws:
@@ -677,7 +677,7 @@ def simulate_draws(sweep: Sweep, draws: Sequence[SweepDraw]) -> list[Row]:
         except ValueError as error:
             row |= dict.fromkeys(FIGURES) | {'error': str(error)}
         except Exception as error:
-            # Hours of other draws must not be lost to one.
+            # One failed draw must not end the sweep.
             row |= dict.fromkeys(FIGURES) | {'error': f'{type(error).__name__}: {error}'}
         rows.append(row)
     return rows
@@ -713,13 +713,13 @@ def figures(trajectory: Trajectory, torque: Array, scenario: SimulatedDrive, set
     scenario : SimulatedDrive
         The drive, SI units.
     settle : float
-        Time from which figures count, s.
+        Start time of the figures, s.
 
     Returns
     -------
     dict
-        A value for each of `FIGURES`, in its unit. Slip is None where it is never defined
-        (see `traction_model.slip`), tractive efficiency where no energy is put in.
+        A value for each of `FIGURES`, in its unit. Slip is None if it is never valid (see
+        `traction_model.slip`), tractive efficiency without input energy.
 
     Raises
     ------
@@ -729,7 +729,7 @@ def figures(trajectory: Trajectory, torque: Array, scenario: SimulatedDrive, set
     t, v = trajectory.t, trajectory.v
     if not (np.all(np.isfinite(v)) and np.all(np.isfinite(trajectory.omega))):
         raise ArithmeticError('the motion is not finite')
-    # Half a step of grace, as times are sums.
+    # Tolerance of half a step, since times are sums.
     first = int(np.searchsorted(t, settle - (t[1] - t[0]) / 2))
     judged = slice(min(first, len(t) - 2), None)
     radii = np.array([wheel.radius for wheel in scenario.vehicle.wheels])

@@ -72,16 +72,16 @@ from traction_model.vehicle.wheel import (
 
 Array = NDArray[np.float64]
 
-# How sinkage is found, as the kernels are told.
+# Modes of sinkage as integers, for kernels.
 DYNAMIC, EQUILIBRIUM, GIVEN = range(3)
 SINKAGE_MODES = {'dynamic': DYNAMIC, 'equilibrium': EQUILIBRIUM, 'given': GIVEN}
 
-# The state: speed, distance, then wheel speed, sinkage and sinkage rate of every wheel.
+# State: speed, distance, then wheel speed, sinkage and sinkage rate of every wheel.
 SPEED, DISTANCE, FIRST_WHEEL = range(3)
 
 
 class Model(NamedTuple):
-    """All that stays constant over a run, packed for the kernels; n wheels, k soils.
+    """Packed constants of a run, for kernels; n wheels, k soils.
 
     Attributes
     ----------
@@ -92,19 +92,19 @@ class Model(NamedTuple):
     wheels : ndarray, shape (n, 7)
         Packed wheels, SI units.
     load_distribution : ndarray, shape (n, 2)
-        Load of a wheel, N, per N of total load and per N·m of its moment.
+        Load of a wheel, N, per N of total load and per N·m of load moment.
     soils : ndarray, shape (n, k, 17)
-        Packed soils as each wheel meets them, SI units.
+        Packed soils for each wheel, SI units.
     starts : ndarray, shape (k,)
-        Where each soil begins, m, the first minus infinity.
+        Start of each soil, m; the first is minus infinity.
     grades : ndarray, shape (k,)
-        Slope from there on, rad, uphill positive.
+        Slope from each start on, rad, uphill positive.
     mass, cg_x, cg_height, hitch_height : float
         kg, m, m, m.
     drag : float
         Air drag per square of speed, N*s^2/m^2.
     pull, pull_per_speed, pull_ramp : float
-        The drawbar's, N, N*s/m, s.
+        Draft, N, N*s/m, s.
     shear_step : float
         See `traction_model.contact.contact.arc_stresses`, s.
     """
@@ -129,7 +129,7 @@ class Model(NamedTuple):
 
 @inlined
 def derivative(t, y, torque, given, row, share, model, ruts, forces, slope, n, form, mode):
-    """Rate of change of the state, and the forces that cause it.
+    """Rate of change of the state, and the forces.
 
     Parameters
     ----------
@@ -143,21 +143,21 @@ def derivative(t, y, torque, given, row, share, model, ruts, forces, slope, n, f
         Samples of sinkage, m, its rate, m/s, and its acceleration, m/s^2, downward positive;
         read in mode 'given' only, and used where the sinkage is positive.
     row : int
-        The sample before `t`, at most k - 2.
+        Index of the sample before `t`, at most k - 2.
     share : float
-        How far `t` is on the way to the next sample, 0 to 1, dimensionless.
+        Fraction of the interval to the next sample, 0 to 1, dimensionless.
     model : Model
-        What does not change, SI units.
+        Constants of the run, SI units.
     ruts : Ruts
-        What wheels have left so far.
+        Ruts so far.
     forces : ndarray, shape (n, 7)
         Wheel forces in SI units, see `traction_model.simulation.wheel_forces`. In: loads and
-        sinkages, as a first guess. Out: all of them.
+        sinkages as initial values. Out: all of them.
     slope : ndarray, shape (2 + 3n,)
         Out: rate of change of `y` in SI units per second.
     n, form, mode : int
-        Number of wheels, `Form`, and entry of `SINKAGE_MODES`: the model's, on their own so that
-        they may be known when a run is compiled.
+        Number of wheels, `Form`, and entry of `SINKAGE_MODES` of the model, as separate arguments
+        so that they can be constants at compile time.
     """
     mass = model.mass
     wheels = model.wheels
@@ -170,8 +170,9 @@ def derivative(t, y, torque, given, row, share, model, ruts, forces, slope, n, f
     if grade != 0.0:
         climb = weight * math.sin(grade)
         weight *= math.cos(grade)
-    # Where sinkage follows from load, or load is imposed, load transfer and contact are found
-    # in turn; the transfer is a small part of the load, so each turn gains more than a digit.
+    # If sinkage follows from load, or load is imposed, load transfer and contact are computed by
+    # fixed point iteration. Load transfer is a small part of the load: more than a digit per
+    # iteration.
     for _ in range(1 if mode == DYNAMIC else 4):
         net = 0.0
         transfer = 0.0
@@ -238,12 +239,12 @@ def derivative(t, y, torque, given, row, share, model, ruts, forces, slope, n, f
 
 @inlined
 def steps_for(dt, y, model, forces, n, form, mode):
-    """Steps of Runge-Kutta 4 that a time takes: near standstill forces answer very quickly.
+    """Number of Runge-Kutta 4 steps for a time; near standstill forces change very fast.
 
-    The fastest rate is that of slip, ``C*(1/m + r^2/J)/(r*omega)`` (see
+    The largest rate is that of slip, ``C*(1/m + r^2/J)/(r*omega)`` (see
     `traction_model.lpv.slip_dynamics`), with the slip stiffness C at most
-    ``(c*A + N*tan(phi))*l/K``, more with a hump; or that of sinkage, which soil resists by its
-    damping D and, in the arc, by the contact that it gains behind the wheel.
+    ``(c*A + N*tan(phi))*l/K``, more for laws with a peak; or that of sinkage, from the
+    damping D and, for the arc, from the growth of contact behind the wheel.
 
     Parameters
     ----------
@@ -252,7 +253,7 @@ def steps_for(dt, y, model, forces, n, form, mode):
     y : ndarray, shape (2 + 3n,)
         State in SI units, see `derivative`.
     model : Model
-        What does not change, SI units.
+        Constants of the run, SI units.
     forces : ndarray, shape (n, 7)
         Wheel forces in SI units, see `derivative`; sinkages and upward forces are read.
     n, form, mode : int
@@ -274,12 +275,12 @@ def steps_for(dt, y, model, forces, n, form, mode):
         strength = soil[COHESION] * wheels[j, WIDTH] * length + forces[j, UPWARD] * soil[TAN_PHI]
         speed = max(abs(v), radius * abs(y[FIRST_WHEEL + j]), MIN_TRANSIT_SPEED)
         stiffness = strength * length / (soil[SHEAR_MODULUS] * speed)
-        # Laws with a hump rise more steeply than Janosi and Hanamoto's, of slope 1.
+        # Initial slope of laws with a peak; that of Janosi and Hanamoto is 1.
         if soil[SHEAR_LAW] != JANOSI_HANAMOTO:
             steepness = math.e if soil[SHEAR_LAW] == WONG_PRESTON_THOMAS else 1.0
             stiffness *= max(1.0, soil[RESIDUAL] * (1.0 + soil[HUMP] * steepness))
         elif form == BEKKER_WONG:
-            # The mean of 1 - exp(-j/K) over the contact rises by a half of j/K at most.
+            # Initial slope of the mean of 1 - exp(-j/K) over the contact: 1/2.
             stiffness /= 2.0
         if form == EMPIRICAL:
             rise = curve_ratios(soil[CURVE:], 1e-3)[0] - curve_ratios(soil[CURVE:], 0.0)[0]
@@ -300,18 +301,18 @@ def steps_for(dt, y, model, forces, n, form, mode):
 
 @inlined
 def advance(t, dt, y, torque, given, row, model, ruts, forces, work, n, form, mode):
-    """Advance the state from one sample to the next by Runge-Kutta 4, and leave ruts.
+    """Advance the state from one sample to the next by Runge-Kutta 4, and add ruts.
 
     Parameters
     ----------
     t, dt : float
-        Time at the start and how far to advance, s.
+        Start time and duration, s.
     y : ndarray, shape (2 + 3n,)
         State in SI units, see `derivative`; changed in place.
     torque, given, row, model, forces
         See `derivative`; SI units. Torque and given sinkage are linear between samples.
     ruts : Ruts
-        What wheels have left so far; changed in place.
+        Ruts so far; changed in place.
     work : ndarray, shape (3, 2 + 3n)
         In: the derivative at the start in its first row, SI units per second.
     n, form, mode : int
@@ -340,14 +341,14 @@ def advance(t, dt, y, torque, given, row, model, ruts, forces, work, n, form, mo
                     total[i] = slope[i]
                     trial[i] = y[i] + 0.5 * h * slope[i]
             elif stage < 3:
-                # To the middle once more, then to the end.
+                # Midpoint again, then endpoint.
                 reach = 0.5 * h if stage == 1 else h
                 for i in range(2 + 3 * n):
                     total[i] += 2.0 * slope[i]
                     trial[i] = y[i] + reach * slope[i]
         for i in range(2 + 3 * n):
             y[i] += h / 6.0 * (total[i] + slope[i])
-        # The other forms take all soil for fresh.
+        # The other forms use undisturbed soil.
         for j in range(n if form == CONTACT else 0):
             place = wheels[j, POSITION]
             press_rut(
@@ -371,13 +372,13 @@ def integrate(
     torque, given, model, ruts, forces
         See `derivative`; SI units.
     work : ndarray, shape (3, 2 + 3n)
-        Room to work in, SI units.
+        Working memory, SI units.
     every : int
-        Of how many samples one is kept, at least 1.
+        Number of samples per stored one, at least 1.
     states : ndarray, shape (m, 2 + 3n)
-        Out: states at the samples kept, SI units.
+        Out: states at the stored samples, SI units.
     logged : ndarray, shape (m, n, 7)
-        Out: forces at the samples kept, SI units.
+        Out: forces at the stored samples, SI units.
     n, form, mode : int
         See `derivative`; number of wheels.
     """
@@ -410,25 +411,25 @@ def pack(
     multipass: bool,
     shear_step: float = 0.0,
 ) -> Model:
-    """Pack everything that stays constant over a run.
+    """Packed constants of a run.
 
     Parameters
     ----------
     vehicle, terrain, form, drawbar, multipass, shear_step
         As in `simulate`; SI units.
     sinkage : {'dynamic', 'equilibrium', 'given'}
-        How sinkage, m, is found.
+        Mode of sinkage, m.
 
     Returns
     -------
     Model
-        The same, in SI units.
+        Constants in SI units.
 
     Raises
     ------
     ValueError
-        If sinkage is none of these, the soils lack what the form needs, or they are given for
-        another number of tracks than the vehicle has.
+        If the mode is unknown, the soils lack parameters of the form, or their number of tracks
+        does not match the vehicle.
     """
     if sinkage not in SINKAGE_MODES:
         raise ValueError(f"sinkage must be 'dynamic', 'equilibrium' or samples, got {sinkage!r}")
@@ -468,21 +469,21 @@ def pack(
 
 
 def initial_state(vehicle: Vehicle, terrain: Terrain | Soil, form: Form = Form.CONTACT) -> Array:
-    """Return the state of a vehicle at rest at the start of its path.
+    """State of a vehicle at rest at the start of its path.
 
     Parameters
     ----------
     vehicle : Vehicle
-        What stands there.
+        The vehicle.
     terrain : Terrain or Soil
-        What it stands on.
+        Terrain or soil.
     form : Form
         Form of the contact model.
 
     Returns
     -------
     ndarray, shape (2 + 3n,)
-        State as `derivative` takes it, SI units.
+        State as for `derivative`, SI units.
     """
     terrain = as_terrain(terrain)
     n = len(vehicle.wheels)
@@ -505,11 +506,11 @@ def fresh_ruts_of(vehicle: Vehicle) -> Ruts:
     Parameters
     ----------
     vehicle : Vehicle
-        What will leave them.
+        The vehicle.
 
     Returns
     -------
     Ruts
-        Fresh soil in all tracks, m, as far behind as the vehicle is long.
+        Undisturbed soil in all tracks, m, over the length of the vehicle.
     """
     return fresh_ruts(max(vehicle.tracks) + 1, float(np.ptp(vehicle.wheel_positions)))

@@ -22,11 +22,11 @@ from traction_model.definition import Definition
 from traction_model.kernel import inlined, kernel
 from traction_model.slip import checked_slip
 
-# Columns of a packed curve: its law, coefficients of the law, and what all but Brixius's have.
+# Columns of a packed curve: law, coefficients, rolling resistance (not for Brixius).
 LAW, FIRST, SECOND, THIRD, FOURTH, ROLLING, CURVE_COLUMNS = range(7)
 
 LARGEST_MOBILITY_NUMBER = 1e4
-"""Mobility number up to which a fit looks: far above, the curve no longer changes."""
+"""Upper bound of the mobility number in a fit; far above it the curve no longer changes."""
 
 
 class Law(IntEnum):
@@ -47,7 +47,7 @@ class Law(IntEnum):
     PACEJKA = 2
 
 
-# The same as the kernels are told.
+# The same as integers, for kernels.
 BRIXIUS, BURCKHARDT, PACEJKA = (int(law) for law in Law)
 
 
@@ -65,7 +65,7 @@ def curve_ratios(curve, slip):
     Returns
     -------
     gross : float
-        Gross traction ratio, dimensionless, along the motion positive.
+        Gross traction ratio, dimensionless, positive in the direction of motion.
     resistance : float
         Motion resistance ratio, dimensionless, at least 0: against the motion.
     """
@@ -112,7 +112,7 @@ class Curve(Definition):
     @classmethod
     @abstractmethod
     def _of(cls, free: NDArray[np.float64]) -> Self:
-        """Make the curve of the free numbers that a fit varies."""
+        """Curve from the free parameters of a fit."""
 
     def gross_traction_ratio(self, slip: ArrayLike) -> NDArray[np.float64]:
         """Gross traction over load: torque over rolling radius and load.
@@ -125,7 +125,7 @@ class Curve(Definition):
         Returns
         -------
         ndarray
-            Dimensionless, shape of `slip`; along the motion positive.
+            Dimensionless, shape of `slip`; positive in the direction of motion.
 
         Raises
         ------
@@ -165,7 +165,7 @@ class Curve(Definition):
         Returns
         -------
         ndarray
-            Dimensionless, shape of `slip`; along the motion positive.
+            Dimensionless, shape of `slip`; positive in the direction of motion.
 
         Raises
         ------
@@ -187,9 +187,9 @@ class Brixius(Curve):
     ``GTR = 0.88*(1 - exp(-0.1*Bn))*(1 - exp(-7.5*s)) + 0.04``,
     ``MRR = 1/Bn + 0.04 + 0.5*s/sqrt(Bn)``.
 
-    The standard speaks of driven wheels, s >= 0. Braked, the curve goes on as its mirror
-    image: the gross traction ratio is odd about (0, 0.04), with one slope on both sides, and
-    motion resistance grows with the size of slip.
+    The standard covers driven wheels, s >= 0. For braking the curve is continued by symmetry: the
+    gross traction ratio is odd about (0, 0.04), with a continuous slope, and motion resistance
+    grows with the magnitude of slip.
 
     Attributes
     ----------
@@ -199,7 +199,7 @@ class Brixius(Curve):
 
     mobility_number: float = Field(gt=0)
 
-    # Varied as its logarithm, which keeps it above zero.
+    # The logarithm is varied, so the number stays above zero.
     _starts: ClassVar = ((math.log(3.0),), (math.log(30.0),))
     _bounds: ClassVar = ((math.log(1e-2),), (math.log(LARGEST_MOBILITY_NUMBER),))
 
@@ -241,7 +241,7 @@ class Brixius(Curve):
         Raises
         ------
         ValueError
-            Naming the argument that is out of range.
+            If an argument is out of range.
         """
         for name, value, allowed in (
             ('cone_index', cone_index, cone_index > 0),
@@ -280,12 +280,12 @@ class Burckhardt(Curve):
     Attributes
     ----------
     c1 : float
-        Level that the curve would reach without its fall, dimensionless, above 0.
+        Limit of the exponential part, dimensionless, above 0.
     c2 : float
-        How steeply it rises, dimensionless, above 0: its initial slope is ``c1*c2 - c3``.
+        Rate of the rise, dimensionless, above 0; the initial slope is ``c1*c2 - c3``.
     c3 : float
-        Fall per slip, dimensionless, from 0 to ``c1*(1 - exp(-c2))``: at most all of the
-        traction is lost at slip 1.
+        Slope of the fall, dimensionless, from 0 to ``c1*(1 - exp(-c2))``, where traction is 0 at
+        slip 1.
     rolling_resistance : float
         Motion resistance ratio, dimensionless, at least 0, at any slip.
     """
@@ -295,14 +295,14 @@ class Burckhardt(Curve):
     c3: float = Field(ge=0)
     rolling_resistance: float = Field(default=0.0, ge=0)
 
-    # The third is c3 as a share of the most it may be.
+    # The third parameter is c3 over its upper limit.
     _starts: ClassVar = ((0.6, 10.0, 0.1, 0.05), (0.6, 2.0, 0.1, 0.05))
     _bounds: ClassVar = ((1e-6, 1e-3, 0.0, 0.0), (1e2, 1e3, 1.0, 1e1))
 
     @model_validator(mode='after')
     def _never_pushes(self) -> 'Burckhardt':
         most = -self.c1 * math.expm1(-self.c2)
-        # The margin is rounding's: a fit may lie on the limit.
+        # Tolerance for rounding, as a fit may be on the limit.
         if self.c3 > most * (1 + 1e-9):
             raise ValueError(
                 f'c3 is {self.c3}, above c1*(1 - exp(-c2)) = {most:.6g}: a locked wheel would be '
@@ -339,12 +339,11 @@ class Pacejka(Curve):
     stiffness_factor : float
         B, dimensionless, above 0: the initial slope is B*C*D.
     shape_factor : float
-        C, dimensionless, from 1, below which D would be no peak, to 2, beyond which the force
-        would turn around.
+        C, dimensionless, 1 to 2; below 1 D is no peak, above 2 the force changes its sign.
     peak_factor : float
         D, dimensionless, above 0: the peak, or with C = 1 the limit at large B*s.
     curvature_factor : float
-        E, dimensionless, at most 1, beyond which the curve would turn back at large slip.
+        E, dimensionless, at most 1; above 1 the curve turns back at large slip.
     rolling_resistance : float
         Motion resistance ratio, dimensionless, at least 0, at any slip.
     """
@@ -355,7 +354,7 @@ class Pacejka(Curve):
     curvature_factor: float = Field(le=1)
     rolling_resistance: float = Field(default=0.0, ge=0)
 
-    # The formula has several minima of error: a steep and a slow rise, with and without peak.
+    # The error has several minima: steep or slow rise, with or without a peak.
     _starts: ClassVar = (
         (10.0, 1.6, 0.6, 0.5, 0.05),
         (10.0, 1.1, 0.6, 0.0, 0.05),
@@ -397,8 +396,7 @@ class CurveFit(NamedTuple):
     net_rms, net_max : float
         Root mean square and largest error of the net traction ratio, dimensionless.
     gross_rms, gross_max : float or None
-        The same of the gross traction ratio, dimensionless; None where no samples of it were
-        given.
+        The same for the gross traction ratio, dimensionless; None without samples of it.
     """
 
     net_rms: float
@@ -418,7 +416,7 @@ def fit_curve(
 ) -> tuple[Fitted, CurveFit]:
     """Fit an empirical curve to samples by least squares.
 
-    Samples are measured ones, or come from a soil::
+    Samples are measured, or computed for a soil::
 
         figures = tractive_figures(soil, wheel, np.linspace(0, 0.9, 50), load)
         curve, fit = fit_curve(
@@ -434,26 +432,25 @@ def fit_curve(
     net_traction_ratio : array_like, shape (n,)
         Drawbar pull over load, dimensionless.
     gross_traction_ratio : array_like, shape (n,), optional
-        Torque over rolling radius and load, dimensionless. When given, its errors weigh as
-        much as those of the net ratio, and part traction from resistance; without it
-        only their difference is certain.
+        Torque over rolling radius and load, dimensionless, with the same weight as the net ratio.
+        It separates traction from resistance; without it only their difference is determined.
 
     Returns
     -------
     curve : Brixius, Burckhardt or Pacejka
-        The curve with the least sum of squares.
+        Curve with the minimum sum of squares.
     fit : CurveFit
         Its errors, dimensionless.
 
     Raises
     ------
     ValueError
-        If samples are not finite, do not belong together, are out of range, or are fewer
-        than the curve's coefficients.
+        If samples are not finite, have different shapes, are out of range, or are fewer than the
+        coefficients of the curve.
     TypeError
         If `law` is not one of the three.
     """
-    # Loaded on first use: it takes longer to load than the rest of the package.
+    # Imported on demand, since the import takes longer than that of the rest of the package.
     from scipy.optimize import least_squares
 
     if law not in (Brixius, Burckhardt, Pacejka):

@@ -1,8 +1,8 @@
-"""Ruts: what wheels leave in the soil for the wheels that come after them.
+"""Ruts of wheels, for the wheels behind them.
 
-Each track is a row of cells along the path. A cell keeps how deep the soil was pressed, the
-shear displacement it has seen, and how wide the rut is. A ring of cells follows the vehicle
-either way: soil that no wheel has touched, or that was left behind long ago, counts as fresh.
+Each track is a row of cells along the path. A cell has depth of compression, shear displacement
+and width of the rut. A ring buffer of cells follows the vehicle in both directions. Soil outside
+it, or without a pass of a wheel, counts as undisturbed.
 """
 
 import math
@@ -26,13 +26,13 @@ class Ruts(NamedTuple):
     Attributes
     ----------
     depth : ndarray, shape (m, k)
-        m below the undisturbed ground; 0 where fresh.
+        Depth below the undisturbed ground, m; 0 for undisturbed soil.
     shear : ndarray, shape (m, k)
         Shear displacement, m.
     width : ndarray, shape (m, k)
-        m.
+        Width, m.
     newest : ndarray, shape (m,)
-        Number of the foremost cell that is kept, counted from the start.
+        Index of the foremost cell, from the start of the path, dimensionless.
     """
 
     depth: NDArray[np.float64]
@@ -42,7 +42,7 @@ class Ruts(NamedTuple):
 
 
 def fresh_ruts(tracks: int, length: float) -> Ruts:
-    """Return ruts that no wheel has made yet.
+    """Ruts before any pass of a wheel.
 
     Parameters
     ----------
@@ -67,27 +67,27 @@ def fresh_ruts(tracks: int, length: float) -> Ruts:
 
 @inlined
 def rut_at(x, track, ruts):
-    """Rut at a place, linear between cells, width weighed by depth.
+    """Rut at a position, linear between cells, width weighted by depth.
 
     Parameters
     ----------
     x : float
-        Place along the path, m.
+        Position along the path, m.
     track : int
-        Which track, -1 for none.
+        Index of the track, -1 for none.
     ruts : Ruts
         The ruts.
 
     Returns
     -------
     depth, shear, width : float
-        m, m, m; all 0 where the soil is fresh.
+        m, m, m; all 0 for undisturbed soil.
     """
     if track < 0:
         return 0.0, 0.0, 0.0
     cells = ruts.depth.shape[1]
     place = x / CELL
-    # On a GPU floor and ceil give floats.
+    # On a GPU floor and ceil return floats.
     first = int(math.floor(place))  # noqa: RUF046
     depth = 0.0
     shear = 0.0
@@ -104,20 +104,20 @@ def rut_at(x, track, ruts):
 
 @inlined
 def press_rut(x_from, x_to, depth, shear, width, track, ruts):
-    """Leave a rut along the way of a wheel, a cell behind it: its own is none to it.
+    """Add a rut along the motion of a wheel, one cell behind it, outside its own contact.
 
     Parameters
     ----------
     x_from, x_to : float
-        Where the wheel's bottom was and is, m along the path.
+        Previous and present position of the wheel's bottom, m along the path.
     depth : float
         Sinkage, m.
     shear : float
-        Shear displacement of the soil as the wheel leaves it, m.
+        Shear displacement of the soil at the exit, m.
     width : float
-        Of the wheel, m.
+        Width of the wheel, m.
     track : int
-        Which track, -1 for none.
+        Index of the track, -1 for none.
     ruts : Ruts
         The ruts, changed in place.
     """

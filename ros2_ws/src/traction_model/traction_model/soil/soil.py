@@ -28,7 +28,7 @@ SOIL_COLUMNS = CURVE + CURVE_COLUMNS
 
 PressureLaw = Literal['bekker', 'bernstein', 'reece']
 ShearLaw = Literal['janosi_hanamoto', 'wong_preston_thomas', 'kacigin_guskov']
-# As the kernels are told.
+# The same as integers, for kernels.
 JANOSI_HANAMOTO, WONG_PRESTON_THOMAS, KACIGIN_GUSKOV = range(3)
 SHEAR_LAWS = {
     'janosi_hanamoto': JANOSI_HANAMOTO,
@@ -45,12 +45,12 @@ class Soil(Definition):
     with ``n = 0.5``. Shear stress at shear displacement j is ``(c + sigma*tan(phi))*g(j)``
     (Agriculture 2024, 14(3), 499, equations (9) to (19)), with g by `shear_law`:
 
-    - ``janosi_hanamoto``: ``1 - exp(-j/K)``, strength is reached and kept;
-    - ``wong_preston_thomas``: ``R*(1 + h*exp(1 - j/K))*(1 - exp(-j/K))``, a hump that ends at
-      R, the `residual_ratio`, with h such that it is 1 at ``j = K``; its top is within 8 % of
+    - ``janosi_hanamoto``: ``1 - exp(-j/K)``, without a peak;
+    - ``wong_preston_thomas``: ``R*(1 + h*exp(1 - j/K))*(1 - exp(-j/K))``, a peak that falls to
+      R, the `residual_ratio`, with h such that it is 1 at ``j = K``; its maximum is within 8 % of
       1, at 0.7 to 1.7 times K;
-    - ``kacigin_guskov``: ``tanh(j/K)*(1 + f/cosh(j/K))`` over its greatest value, with f such
-      that it falls to `residual_ratio`: organic terrain.
+    - ``kacigin_guskov``: ``tanh(j/K)*(1 + f/cosh(j/K))`` over its maximum, with f such that it
+      falls to `residual_ratio`: organic terrain.
 
     Attributes
     ----------
@@ -63,25 +63,23 @@ class Soil(Definition):
     sinkage_exponent : float
         n, dimensionless, above 0 and at most 3; 0.5 by Bernstein.
     unit_weight : float, optional
-        gamma, N/m^3, above 0: by Reece only.
+        gamma, N/m^3, above 0; only for Reece.
     cohesion : float
         c, Pa, at least 0.
     friction_angle : float
         phi, rad, at least 0 and below pi/2.
     shear_law : {'janosi_hanamoto', 'wong_preston_thomas', 'kacigin_guskov'}
-        Shear stress over shear displacement.
+        Law of shear stress over shear displacement.
     shear_deformation_modulus : float
         K, m, above 0.
     residual_ratio : float, optional
-        Residual over greatest shear stress, dimensionless, within (0, 1): for the laws
-        with a hump.
+        Residual over maximum shear stress, dimensionless, within (0, 1); for the laws with a peak.
     damping : float
-        D, Pa*s/m, at least 0: normal stress per speed at which soil is pressed down.
+        D, Pa*s/m, at least 0: normal stress per rate of compression.
     elastic_modulus : float, optional
-        Pa/m, above 0: slope of unloading and reloading; soil without one does not spring back.
+        Pa/m, above 0: slope of unloading and reloading; None: no elastic rebound.
     shear_memory : float
-        Share of its shear displacement that soil keeps for the next wheel in the same rut,
-        0 to 1.
+        Share of the shear displacement that remains for the next wheel in the rut, 0 to 1.
     traction_curve : Brixius, Burckhardt or Pacejka, optional
         Traction over slip, dimensionless, for the contact form `EMPIRICAL`.
     """
@@ -129,7 +127,7 @@ class Soil(Definition):
         Parameters
         ----------
         width : float
-            b, m, above 0: the plate's smaller dimension.
+            b, m, above 0: smaller dimension of the plate.
 
         Returns
         -------
@@ -143,21 +141,21 @@ class Soil(Definition):
         return float(strength / width**self.sinkage_exponent)
 
     def packed(self, wheel: Wheel) -> NDArray[np.float64]:
-        """Pack the soil as a wheel meets it, for the kernels.
+        """Packed soil for a wheel, for kernels.
 
-        Grousers add to its strength; see `traction_model.vehicle.wheel.Wheel`.
+        Grousers increase its strength; see `traction_model.vehicle.wheel.Wheel`.
 
         Parameters
         ----------
         wheel : Wheel
-            Whose width the pressure acts on; SI units.
+            Wheel, for width and grousers; SI units.
 
         Returns
         -------
         ndarray, shape (17,)
-            k, n, c, tan(phi), K, D, elastic modulus (infinite where there is none), the shear
-            law's number, its residual ratio, its hump, shear memory, the packed traction curve
-            (NaN where there is none); SI units.
+            k, n, c, tan(phi), K, D, elastic modulus (infinite if none), number of the shear law,
+            residual ratio, parameter of the peak, shear memory, packed traction curve (NaN if
+            none); SI units.
         """
         on_cohesion, on_friction = wheel.grip
         law = SHEAR_LAWS[self.shear_law]
@@ -181,13 +179,12 @@ class Soil(Definition):
         )
 
     def sheared(self, strength: float, modulus: float = 1.0) -> 'Soil':
-        """Return a soil that shears otherwise but carries as well.
+        """Soil with scaled shear parameters and the same pressure-sinkage law.
 
         Parameters
         ----------
         strength : float
-            Factor on cohesion and tan(phi), and so on every maximum shear stress, dimensionless,
-            above 0.
+            Factor on cohesion and tan(phi), and so on the shear strength, dimensionless, above 0.
         modulus : float
             Factor on the shear deformation modulus, dimensionless, above 0.
 
@@ -228,8 +225,8 @@ def _wong_hump(residual: float) -> float:
 def _guskov_hump(residual: float) -> float:
     """Factor f of Kacigin and Guskov's curve with a given residual over greatest stress.
 
-    With ``s = 1/cosh(u)`` the curve ``tanh(u)*(1 + f*s)`` is greatest where
-    ``f = s/(1 - 2*s^2)``, and is ``(1 - s^2)^1.5/(1 - 2*s^2)`` there, which grows with s.
+    With ``s = 1/cosh(u)`` the curve ``tanh(u)*(1 + f*s)`` has its maximum at
+    ``f = s/(1 - 2*s^2)``, with the value ``(1 - s^2)^1.5/(1 - 2*s^2)``, which grows with s.
     """
     low, high = 0.0, math.sqrt(0.5)
     for _ in range(60):
@@ -241,12 +238,12 @@ def _guskov_hump(residual: float) -> float:
     return low / (1 - 2 * low * low)
 
 
-# By the laws' numbers.
+# By number of the law.
 HUMPS = (lambda residual: 0.0, _wong_hump, _guskov_hump)
 
 
 def _soil_from_yaml(content: Any, where: str) -> Soil:
-    """Build a soil from YAML, where the friction angle is given in degrees."""
+    """Soil from YAML, with the friction angle in degrees."""
     if not isinstance(content, dict):
         raise DefinitionError(f'{where}: expected a mapping of soil parameters')
     content = {key: value for key, value in content.items() if key != 'source'}
@@ -280,12 +277,12 @@ def read_soils(path: str | Path) -> dict[str, Soil]:
     Returns
     -------
     dict of str to Soil
-        The soils by name.
+        Soils by name.
 
     Raises
     ------
     DefinitionError
-        Naming file, soil and key of what is wrong.
+        If a soil is invalid; the text has file, soil and key.
     """
     path = Path(path)
     return {
@@ -296,7 +293,7 @@ def read_soils(path: str | Path) -> dict[str, Soil]:
 
 @cache
 def preset_soils() -> dict[str, Soil]:
-    """Return the soils that come with the package, parameters in SI units.
+    """Soils of the package, parameters in SI units.
 
     Returns
     -------
@@ -307,14 +304,14 @@ def preset_soils() -> dict[str, Soil]:
 
 
 def load_soil(name: str, folder: str | Path = '') -> Soil:
-    """Return a preset soil, or one of one's own.
+    """Soil from the presets or from a file.
 
     Parameters
     ----------
     name : str
-        Name in ``presets/soils.yaml``, or ``file.yaml:name`` for a soil of one's own.
+        Name in ``presets/soils.yaml``, or ``file.yaml:name``.
     folder : str or Path
-        Where the file is sought; by default here.
+        Folder of the file; default: the current one.
 
     Returns
     -------
@@ -324,7 +321,7 @@ def load_soil(name: str, folder: str | Path = '') -> Soil:
     Raises
     ------
     DefinitionError
-        If there is no such soil; the text names the nearest one.
+        If there is no such soil; the text has the nearest name.
     """
     file, _, own = name.rpartition(':')
     if own.endswith(('.yaml', '.yml')):

@@ -25,25 +25,25 @@ class Terrain:
     Parameters
     ----------
     soils : Soil or sequence
-        The soils in the order in which they are met: each a Soil, or a tuple with one Soil for
-        every track from left to right (`Vehicle.tracks`), where it differs across the path.
+        Soils in order along the path: each a Soil, or a tuple with one Soil per track from left to
+        right (`Vehicle.tracks`).
     starts : sequence of float
-        Where each soil but the first begins, m along the path from where the rear axle
-        starts, strictly increasing.
+        Start of each soil after the first, m along the path from the initial position of the rear
+        axle, strictly increasing.
     grades : float or sequence of float
-        Slope of the path, rad, uphill positive, within +-pi/4: of the whole path, or from the
-        start of each soil on. It acts where the rear axle is.
+        Slope of the path, rad, uphill positive, within +-pi/4: one for the whole path, or one per
+        soil. The slope at the rear axle acts on the vehicle.
 
     Attributes
     ----------
     n_tracks : int or None
-        Number of tracks that soils are given for; None where none differs across the path.
+        Number of tracks of the soils; None if they are uniform across the path.
 
     Raises
     ------
     ValueError
-        If the numbers of soils, starts and grades do not fit, starts do not increase, a
-        grade is too steep, or soils are given for another number of tracks here than there.
+        If the numbers of soils, starts and grades do not match, starts do not increase, a grade is
+        too steep, or soils have different numbers of tracks.
     """
 
     def __init__(
@@ -77,9 +77,9 @@ class Terrain:
         Parameters
         ----------
         row : int
-            Number of the stretch, from 0.
+            Index of the stretch.
         track : int
-            Number of the track, from 0 at the left, dimensionless.
+            Index of the track, from the left, dimensionless.
 
         Returns
         -------
@@ -90,14 +90,14 @@ class Terrain:
         return soil if isinstance(soil, Soil) else soil[track]
 
     def packed(self, wheel: Wheel, track: int = 0) -> NDArray[np.float64]:
-        """Pack the soils as a wheel meets them, for the kernels.
+        """Packed soils for a wheel, for kernels.
 
         Parameters
         ----------
         wheel : Wheel
             The wheel.
         track : int
-            The track in which it runs, from 0 at the left, dimensionless.
+            Index of its track, from the left, dimensionless.
 
         Returns
         -------
@@ -109,12 +109,12 @@ class Terrain:
 
 
 class Stretch(Definition):
-    """One stretch of a path, as terrain files have them.
+    """Stretch of a path in a terrain file.
 
     Attributes
     ----------
     start : float
-        Where it begins, m along the path; must be given of all but the first.
+        Start, m along the path; required for all but the first.
     soil : str
         A preset, or ``file.yaml:name``.
     grade : float
@@ -134,7 +134,7 @@ def load_terrain(path: str | Path) -> Terrain:
     path : str or Path
         A ``.csv`` file with the columns ``start`` (m), ``soil`` and, if wanted, ``grade``
         (rad); or a YAML file with a list of mappings of these keys. Soils are presets, or
-        ``file.yaml:name`` with the file sought beside this one.
+        ``file.yaml:name`` with a path relative to this file.
 
     Returns
     -------
@@ -144,7 +144,7 @@ def load_terrain(path: str | Path) -> Terrain:
     Raises
     ------
     DefinitionError
-        Naming file, row and key of what is wrong.
+        If it is invalid; the text has file, row and key.
     """
     path = Path(path)
     rows = _csv_rows(path) if path.suffix.lower() == '.csv' else _yaml_rows(path)
@@ -170,7 +170,7 @@ def load_terrain(path: str | Path) -> Terrain:
 def _csv_rows(path: Path) -> list[tuple[str, dict[str, Any]]]:
     rows = csv.DictReader(read_text(path).splitlines(), restkey='more')
     return [
-        # An empty cell is one that was not given.
+        # An empty cell counts as missing.
         (f'{path}: line {rows.line_num}', {key: value for key, value in row.items() if value})
         for row in rows
     ]
@@ -183,14 +183,14 @@ def _yaml_rows(path: Path) -> list[tuple[str, dict[str, Any]]]:
 
 @inlined
 def soil_row(x, starts):
-    """Row of the soil at a place along the path.
+    """Index of the soil at a position along the path.
 
     Parameters
     ----------
     x : float
-        Place along the path, m.
+        Position along the path, m.
     starts : ndarray, shape (k,)
-        Where each soil begins, m, the first minus infinity.
+        Start of each soil, m; the first is minus infinity.
 
     Returns
     -------
@@ -213,11 +213,11 @@ def as_terrain(ground: Terrain | Soil) -> Terrain:
     Parameters
     ----------
     ground : Terrain or Soil
-        What is driven on, SI units.
+        Terrain or soil, SI units.
 
     Returns
     -------
     Terrain
-        The same, SI units.
+        Terrain, SI units.
     """
     return Terrain(ground) if isinstance(ground, Soil) else ground

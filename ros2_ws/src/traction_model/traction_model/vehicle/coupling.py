@@ -21,8 +21,8 @@ class Coupling:
 
     ``Coupling(('rl',), ('rr',))`` locks the rear differential;
     ``Coupling(('rl', 'rr'), ('fl', 'fr'), 1.35)`` drives a front axle, its differential open,
-    from a rear one at 1.35 times its speed. A locked axle of more wheels, or both at once, is
-    several couplings.
+    from a rear one at 1.35 times its speed. A locked axle with more wheels, or a combination,
+    needs several couplings.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class Coupling:
             raise ValueError(f'ratio of a coupling must be finite and not 0, got {self.ratio}')
 
     def equation(self, wheel_names: Sequence[str]) -> NDArray[np.float64]:
-        """Return the coupling as a row of G, where ``G @ omega = 0``.
+        """Row of G in ``G @ omega = 0``.
 
         Parameters
         ----------
@@ -68,7 +68,7 @@ class Coupling:
         Raises
         ------
         ValueError
-            If the vehicle has no wheel of a name.
+            If a name is unknown.
         """
         row = np.zeros(len(wheel_names))
         for names, coefficient in (
@@ -85,21 +85,21 @@ class Coupling:
 def constraint_matrix(
     wheel_names: Sequence[str], couplings: Sequence[Coupling]
 ) -> tuple[NDArray[np.float64], tuple[int, ...]]:
-    """Find P and the independent wheels, so that ``omega = P @ omega[independent]``.
+    """Matrix P and independent wheels with ``omega = P @ omega[independent]``.
 
     Parameters
     ----------
     wheel_names : sequence of str
         Names of the vehicle's wheels, in order.
     couplings : sequence of Coupling
-        What couples them.
+        Couplings of the wheels.
 
     Returns
     -------
     P : ndarray, shape (n, g)
         Speed of every wheel per speed of the independent ones, dimensionless.
     independent : tuple of int
-        Indices of the g independent wheels, ascending; the first that can be.
+        Indices of the g independent wheels, ascending; the first ones possible.
 
     Raises
     ------
@@ -107,8 +107,8 @@ def constraint_matrix(
         If a coupling repeats or contradicts the others, or names an unknown wheel.
     """
     n = len(wheel_names)
-    # Gauss-Jordan elimination, in the order of the couplings: each frees one wheel's speed
-    # from the others, the last wheel that it can.
+    # Gauss-Jordan elimination in the order of the couplings: each eliminates the speed of one
+    # wheel, the last one possible.
     rows: list[NDArray[np.float64]] = []
     dependent: list[int] = []
     for coupling in couplings:
@@ -116,7 +116,7 @@ def constraint_matrix(
         size = np.abs(row).max()
         for other, wheel in zip(rows, dependent, strict=True):
             row = row - row[wheel] * other
-        # What is left of an equation that the others imply is rounding.
+        # A dependent equation leaves only rounding errors.
         left = np.flatnonzero(np.abs(row) > 1e-9 * size)
         if left.size == 0:
             raise ValueError(f'{coupling} follows from the other couplings: leave it out')

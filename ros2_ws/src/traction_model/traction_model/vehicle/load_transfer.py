@@ -1,7 +1,7 @@
 """Longitudinal load transfer: the load on each wheel from the moments about the rear axle.
 
-The vehicle is a rigid body on wheels as `Vehicle.load_distribution` spreads its load. With W_j
-the wheel loads and x_j the positions of the wheels ahead of the rear axle,
+The vehicle is a rigid body; `Vehicle.load_distribution` divides its load. With the wheel loads W_j
+and the positions x_j of the wheels ahead of the rear axle,
 
     sum_j W_j     = m*g*cos(grade)
     sum_j W_j*x_j = x_cg*m*g*cos(grade) - h_hitch*P - h_cg*(m*v' + m*g*sin(grade) + drag)
@@ -18,20 +18,20 @@ def load_moment(weight, cg_x, cg_height, hitch_height, pull, force_at_cg, wheel_
     Parameters
     ----------
     weight : float
-        Weight across the ground, N.
+        Weight normal to the ground, N.
     cg_x, cg_height, hitch_height : float
         Centre of gravity ahead of the rear axle and above ground, and height of the hitch, m.
     pull : float
         Drawbar pull, N, backward positive.
     force_at_cg : float
-        What acts backward at the centre of gravity, N: inertia, grade and air drag.
+        Backward force at the centre of gravity, N: inertia, grade and air drag.
     wheel_moment : float
         Sum over the wheels of shaft torque less radius times net traction, N·m: nose-up.
 
     Returns
     -------
     float
-        N·m, positive where loads lie ahead of the rear axle.
+        N·m, positive for loads ahead of the rear axle.
     """
     return cg_x * weight - hitch_height * pull - wheel_moment - cg_height * force_at_cg
 
@@ -45,13 +45,13 @@ def wheel_load(distribution, weight, moment):
     distribution : ndarray, shape (2,)
         The wheel's row of `Vehicle.load_distribution`, dimensionless and 1/m.
     weight : float
-        Load of all wheels together, N.
+        Sum of the wheel loads, N.
     moment : float
         Its moment about the rear axle, see `load_moment`, N·m.
 
     Returns
     -------
     float
-        N; negative where the moment lifts the wheel.
+        N; negative if the moment lifts the wheel.
     """
     return distribution[0] * weight + distribution[1] * moment

@@ -1,4 +1,4 @@
-"""Vehicle: axles, mass and geometry, and the longitudinal load transfer they cause."""
+"""Vehicle: axles, mass, geometry, and longitudinal load distribution."""
 
 from importlib.resources import files
 from pathlib import Path
@@ -19,7 +19,7 @@ AIR_DENSITY = 1.2
 
 
 class Axle(Definition):
-    """Like wheels side by side.
+    """Equal wheels side by side.
 
     Attributes
     ----------
@@ -28,7 +28,7 @@ class Axle(Definition):
     x : float
         Position, m ahead of the rear axle.
     wheel : Wheel
-        What each of its wheels is.
+        Definition of each of its wheels.
     """
 
     wheel_names: tuple[str, ...] = Field(min_length=1)
@@ -37,12 +37,12 @@ class Axle(Definition):
 
 
 class Vehicle(Definition):
-    """A rigid vehicle on n wheels that drives straight ahead.
+    """Rigid vehicle with n wheels, driving straight ahead.
 
     Attributes
     ----------
     chassis_mass : float
-        kg, above 0: all but the wheels.
+        Mass without wheels, kg, above 0.
     chassis_cg_x : float
         Centre of gravity of the chassis, m ahead of the rear axle.
     chassis_cg_height : float
@@ -50,7 +50,7 @@ class Vehicle(Definition):
     axles : tuple of Axle
         From front to rear, at least one.
     hitch_height : float
-        Where drawbar pull acts, m above ground, at least 0.
+        Height of the drawbar pull, m above ground, at least 0.
     drag_area : float
         Air drag coefficient times frontal area, m^2, at least 0; drag acts at the height
         of the centre of gravity.
@@ -72,7 +72,7 @@ class Vehicle(Definition):
         positions = [axle.x for axle in self.axles]
         if len(set(positions)) != len(positions):
             raise ValueError('two axles have the same x')
-        # Masses and lengths near the largest floats.
+        # Overflow for masses and lengths near the largest floats.
         with np.errstate(all='ignore'):
             loads = self.static_loads()
         if not np.all(np.isfinite(loads)):
@@ -88,7 +88,7 @@ class Vehicle(Definition):
 
     @property
     def wheels(self) -> tuple[Wheel, ...]:
-        """The wheels, in the order of `wheel_names`."""
+        """Wheels in the order of `wheel_names`."""
         return tuple(axle.wheel for axle in self.axles for _ in axle.wheel_names)
 
     @property
@@ -126,9 +126,9 @@ class Vehicle(Definition):
     def load_distribution(self) -> NDArray[np.float64]:
         """Shares of the wheels in total load and in its moment.
 
-        The chassis is rigid and all wheels stand on equal springs, so that load varies
-        linearly along the vehicle: exact for two axles, the usual closure for more. A single
-        axle carries all load and takes no moment (its pitch is held by the rig).
+        The chassis is rigid on equal springs, so load varies linearly along the vehicle. This is
+        exact for two axles and the usual assumption for more. A single axle has the whole load and
+        no moment (the rig holds its pitch).
 
         Returns
         -------
@@ -143,9 +143,10 @@ class Vehicle(Definition):
 
     @property
     def tracks(self) -> list[int]:
-        """Number of the rut that every wheel runs in, n numbers from 0.
+        """Index of the rut of every wheel, n entries.
 
-        Wheels run one behind the other where all axles have equally many, else each by itself.
+        Wheels share tracks if all axles have the same number of wheels; otherwise each has its
+        own.
         """
         counts = {len(axle.wheel_names) for axle in self.axles}
         if len(counts) > 1:
@@ -153,12 +154,12 @@ class Vehicle(Definition):
         return [place for axle in self.axles for place in range(len(axle.wheel_names))]
 
     def packed_wheels(self, in_ruts: bool = True) -> NDArray[np.float64]:
-        """Pack the wheels for the kernels.
+        """Packed wheels, for kernels.
 
         Parameters
         ----------
         in_ruts : bool
-            Whether wheels meet the ruts of those before them, or fresh soil.
+            True: wheels run in the ruts of those before them. False: undisturbed soil.
 
         Returns
         -------
@@ -182,10 +183,10 @@ def load_vehicle(name: str | Path, folder: str | Path = '') -> Vehicle:
     Parameters
     ----------
     name : str or Path
-        A preset (``single_wheel_rig``, ``tractor_4wd``) or the path of a YAML file laid out
-        like theirs, in SI units.
+        A preset (``single_wheel_rig``, ``tractor_4wd``) or the path of a YAML file of the same
+        format, in SI units.
     folder : str or Path
-        Where the file is sought; by default here.
+        Folder of the file; default: the current one.
 
     Returns
     -------
@@ -195,7 +196,7 @@ def load_vehicle(name: str | Path, folder: str | Path = '') -> Vehicle:
     Raises
     ------
     DefinitionError
-        Naming file and key of what is wrong, or the nearest preset.
+        If it is invalid; the text has file and key, or the nearest preset.
     """
     presets = {path.stem: path for path in _preset_folder().glob('*.yaml')}
     path = presets.get(str(name), Path(folder, name))

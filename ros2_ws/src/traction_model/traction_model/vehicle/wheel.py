@@ -13,11 +13,11 @@ RADIUS, WIDTH, INERTIA, FRICTION, POSITION, STATIC_LOAD, TRACK, WHEEL_COLUMNS = 
 
 
 class Wheel(Definition):
-    """A rigid driven wheel.
+    """Rigid driven wheel.
 
-    Grousers shear soil along the sides of the block they cut out as well as under it. After
-    Bekker (Introduction to Terrain-Vehicle Systems, 1969) cohesion then counts
-    ``1 + 2*h/b`` times and ``tan(phi)`` counts ``1 + 0.64*(h/b)*atan(b/h)`` times.
+    Grousers shear soil at the sides of the block between them, too. After Bekker (Introduction to
+    Terrain-Vehicle Systems, 1969) cohesion has the factor ``1 + 2*h/b`` and ``tan(phi)`` the
+    factor ``1 + 0.64*(h/b)*atan(b/h)``.
 
     Attributes
     ----------
@@ -30,9 +30,9 @@ class Wheel(Definition):
     viscous_friction : float
         b_f, N·m·s/rad, at least 0: friction torque of the drive per wheel speed.
     mass : float
-        kg, at least 0: carried by the soil but not part of the chassis.
+        kg, at least 0; not part of the mass of the chassis.
     grouser_height : float
-        h, m, at least 0: of the lugs beyond `radius`.
+        h, m, at least 0: height of the lugs beyond `radius`.
     """
 
     radius: float = Field(gt=0)
@@ -75,7 +75,7 @@ class Wheel(Definition):
     def packed(
         self, position: float = 0.0, static_load: float = 0.0, track: int = -1
     ) -> NDArray[np.float64]:
-        """Pack the wheel for the kernels.
+        """Packed wheel, for kernels.
 
         Parameters
         ----------
@@ -84,7 +84,7 @@ class Wheel(Definition):
         static_load : float
             Upward force of the soil at rest, N.
         track : int
-            Which rut it runs in, -1 for none.
+            Index of its rut, -1 for none.
 
         Returns
         -------
