@@ -35,7 +35,7 @@ def laws():
     return {name: make_law(name, REAR, LOAD, settings=SETTINGS.get(name)) for name in LAWS}
 
 
-def told_of(slip, shaft=3000.0, rim=2.0):
+def state_of(slip, shaft=3000.0, rim=2.0):
     # Gross traction of steady motion under the shaft torque.
     return WheelState(slip, rim, rim * (1 - slip), 4 * LOAD, shaft / REAR.radius, shaft)
 
@@ -44,14 +44,16 @@ def told_of(slip, shaft=3000.0, rim=2.0):
 def test_nothing_changes_on_target_in_steady_motion(laws, name):
     laws[name].reset()
     for _ in range(300):
-        assert laws[name].torque(told_of(0.2), 0.2, 3000.0, 0.01) == pytest.approx(3000.0)
+        assert laws[name].torque(state_of(0.2), 0.2, 3000.0, 0.01) == pytest.approx(3000.0)
 
 
 @pytest.mark.parametrize('name', LAWS)
 def test_first_step_goes_on_from_the_torque_sent(laws, name):
     # Whatever was sent before, and whatever the shaft has of it: without time it stays.
     laws[name].reset()
-    assert laws[name].torque(told_of(0.35, shaft=500.0), 0.2, 4321.0, 0.0) == pytest.approx(4321.0)
+    assert laws[name].torque(state_of(0.35, shaft=500.0), 0.2, 4321.0, 0.0) == pytest.approx(
+        4321.0
+    )
 
 
 @pytest.mark.parametrize('name', LAWS)
@@ -60,7 +62,7 @@ def test_slip_above_target_takes_torque_away_and_below_adds_it(laws, name):
         laws[name].reset()
         sent = 3000.0
         for _ in range(10):
-            sent = laws[name].torque(told_of(slip), 0.2, sent, 0.01)
+            sent = laws[name].torque(state_of(slip), 0.2, sent, 0.01)
         assert sign * (sent - 3000.0) > 10.0
 
 
@@ -71,8 +73,8 @@ def test_what_was_not_sent_is_not_remembered(laws, name):
     for steps in (100, 60000):
         laws[name].reset()
         for _ in range(steps):
-            laws[name].torque(told_of(0.05), 0.2, 3000.0, 0.01)
-        answers.append(laws[name].torque(told_of(0.2), 0.2, 3000.0, 0.01))
+            laws[name].torque(state_of(0.05), 0.2, 3000.0, 0.01)
+        answers.append(laws[name].torque(state_of(0.2), 0.2, 3000.0, 0.01))
     # Of the torque taken over a law may have exp(-1/0.1) = 5e-5 left after a second.
     assert answers[0] == pytest.approx(answers[1], abs=1.0)
 
@@ -92,8 +94,8 @@ def test_every_answer_is_finite(laws, name, drive):
     law = laws[name]
     law.reset()
     for slip, rim, stiffness, shaft, sent, dt, target in drive:
-        told = WheelState(slip, rim, rim, stiffness, shaft / REAR.radius, shaft)
-        assert math.isfinite(law.torque(told, target, sent, dt))
+        state = WheelState(slip, rim, rim, stiffness, shaft / REAR.radius, shaft)
+        assert math.isfinite(law.torque(state, target, sent, dt))
         assert all(math.isfinite(gain) for gain in law.gains)
         assert len(law.gains) >= 3
 

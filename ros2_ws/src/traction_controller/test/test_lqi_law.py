@@ -13,16 +13,16 @@ LOADS = [float(load) for load in TRACTOR.static_loads()]
 def test_two_steps_by_hand():
     law = LqiLaw(TRACTOR.wheels[3], LOADS[3], slip=0.2, lag=0.1, dt=0.01)
     slip_gain, torque_gain, integral_gain = law.schedule.at(2.0, 5e4)
-    told = WheelState(slip=0.25, rim_speed=2.0, stiffness=5e4, shaft_torque=2800.0)
-    sent = law.torque(told, 0.2, 3000.0, 0.01)
+    state = WheelState(slip=0.25, rim_speed=2.0, stiffness=5e4, shaft_torque=2800.0)
+    sent = law.torque(state, 0.2, 3000.0, 0.01)
     assert sent == pytest.approx(3000.0 - 0.05 * 0.01 * integral_gain)
-    told.slip, told.shaft_torque = 0.27, 2900.0
-    second = law.torque(told, 0.2, sent, 0.01)
+    state.slip, state.shaft_torque = 0.27, 2900.0
+    second = law.torque(state, 0.2, sent, 0.01)
     change = -0.02 * slip_gain - 100.0 * torque_gain - 0.07 * 0.01 * integral_gain
     assert second == pytest.approx(sent + change)
     assert law.gains == (slip_gain, torque_gain, integral_gain)
     law.reset()
-    again = law.torque(told, 0.2, sent, 0.01)
+    again = law.torque(state, 0.2, sent, 0.01)
     assert again == pytest.approx(sent - 0.07 * 0.01 * integral_gain)
 
 

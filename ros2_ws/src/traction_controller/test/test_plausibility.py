@@ -76,16 +76,16 @@ def test_a_wheel_that_spins_up_is_slip(drive):
 
 def test_stuck_tachometer_is_told_after_its_time(drive):
     # All others ripple by 1 %: half a change of 2 %, and half of that at a mean.
-    told = [drive.read(stuck=(1,)) for _ in range(60)]
-    assert told[14] == ''
-    assert "wheel 'fr' is stuck" in told[-1]
+    reasons = [drive.read(stuck=(1,)) for _ in range(60)]
+    assert reasons[14] == ''
+    assert "wheel 'fr' is stuck" in reasons[-1]
     assert drive.last(30) == ''
 
 
 def test_all_tachometers_stuck_are_told_of_sooner(drive):
-    told = [drive.read(stuck=(0, 1, 2, 3)) for _ in range(20)]
-    assert told[4] == ''
-    assert told[5] == 'speeds of all wheels are stuck'
+    reasons = [drive.read(stuck=(0, 1, 2, 3)) for _ in range(20)]
+    assert reasons[4] == ''
+    assert reasons[5] == 'speeds of all wheels are stuck'
     assert Drive(stuck_time=0.0).last(20, stuck=(0, 1, 2, 3)) == ''
 
 

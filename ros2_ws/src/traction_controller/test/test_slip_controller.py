@@ -28,7 +28,7 @@ def parameters(**changes):
     return SimpleNamespace(**{**DEFAULTS, **changes})
 
 
-class Told(SlipLaw):
+class RecordingLaw(SlipLaw):
     """Law with the torque against the soil; records its inputs."""
 
     velocity_form = False
@@ -46,8 +46,8 @@ class Told(SlipLaw):
 
 
 def controller(**changes):
-    p = parameters(law='told', mode='hold', **changes)
-    return SlipController.from_parameters(p, laws={'told': Told})
+    p = parameters(law='recording', mode='hold', **changes)
+    return SlipController.from_parameters(p, laws={'recording': RecordingLaw})
 
 
 def slip(**more):
@@ -184,17 +184,17 @@ def test_targets(made):
             made.slip_target(wrong)
     # It stands over a reset, and while other parameters are set.
     made.reset()
-    made.set_parameters(parameters(law='told', slip_target=0.3), ['mode'])
+    made.set_parameters(parameters(law='recording', slip_target=0.3), ['mode'])
     assert made.control.slip_target == 0.12
     assert made.control.mode is Mode.LIMIT
-    made.set_parameters(parameters(law='told', slip_target=0.3), ['slip_target'])
+    made.set_parameters(parameters(law='recording', slip_target=0.3), ['slip_target'])
     assert made.control.slip_target == 0.3
     assert made.control.target_source is TargetSource.PARAMETER
 
 
 def test_parameters_at_run_time(made):
     p = parameters(
-        law='told', grouping='axle', differential='locked', driven_axles='rear',
+        law='recording', grouping='axle', differential='locked', driven_axles='rear',
         request_timeout=2.0, torque_timeout=0.03,
     )  # fmt: skip
     made.set_parameters(p, ['grouping'])

@@ -39,17 +39,17 @@ EQUIVALENT = 3468.0
     ],
 )
 def test_torque_once_taken_over(law, slip, torque):
-    told = WheelState(slip, rim_speed=1.7, gross_traction=4000.0)
+    state = WheelState(slip, rim_speed=1.7, gross_traction=4000.0)
     for _ in range(1000):
-        found = law.torque(told, 0.2, 0.0, 0.01)
+        found = law.torque(state, 0.2, 0.0, 0.01)
     assert found == pytest.approx(torque)
     assert law.gains == (0.0 if abs(slip - 0.2) >= 0.05 else 17000.0, 0.0, 0.0)
 
 
 def test_another_torque_is_given_up_with_its_time_constant(law):
-    told = WheelState(0.2, rim_speed=1.7, gross_traction=4000.0)
-    first = law.torque(told, 0.2, 5468.0, 0.0)
+    state = WheelState(0.2, rim_speed=1.7, gross_traction=4000.0)
+    first = law.torque(state, 0.2, 5468.0, 0.0)
     assert first == pytest.approx(5468.0)
     for _ in range(20):
-        found = law.torque(told, 0.2, 5468.0, 0.01)
+        found = law.torque(state, 0.2, 5468.0, 0.01)
     assert found == pytest.approx(EQUIVALENT + 2000.0 * math.exp(-1.0))

@@ -10,7 +10,7 @@ from traction_node.host import Host
 from traction_node.parameter import NodeParameter
 from traction_node.stamp import seconds
 
-TELL_PERIOD = 1.0
+REPORT_PERIOD = 1.0
 """Time between two regular reports on what is limited, s."""
 
 LEVELS = {
@@ -121,13 +121,13 @@ class TorqueGateBehaviour(Behaviour):
         self.host.subscription('wheel_torque_command', self._command)
         self.host.subscription('emergency_stop', self._stop_by_topic)
         self.host.service('emergency_stop', 'std_srvs/srv/SetBool', self._stop_by_service)
-        self._told_state: State | None = None
-        self._told_level = OK
-        self._told_at = 0.0
+        self._reported_state: State | None = None
+        self._reported_level = OK
+        self._reported_at = 0.0
 
     def activate(self) -> None:
         """Start to pass commands, and to send the safe torque without them."""
-        self._told_state = None
+        self._reported_state = None
         self.host.steady_timer(WATCHDOG_PERIOD, self._watch)
 
     def deactivate(self) -> None:
@@ -149,7 +149,7 @@ class TorqueGateBehaviour(Behaviour):
         if self._gate.command(now, seconds(stamp), message.name, message.effort):
             self._newest_stamp = stamp
             self._publish(stamp)
-        self._tell(now)
+        self._report(now)
 
     def _stop_by_topic(self, message: Any) -> None:
         self._stop(StopSource.TOPIC, message.data)
@@ -170,7 +170,7 @@ class TorqueGateBehaviour(Behaviour):
         now = self.host.steady_time()
         if self._gate.step(now):
             self._publish(self._newest_stamp)
-        self._tell(now)
+        self._report(now)
 
     def _publish(self, stamp: Any) -> None:
         efforts = self._efforts
@@ -179,7 +179,7 @@ class TorqueGateBehaviour(Behaviour):
         self._output.header.stamp = stamp
         self._publisher.publish(self._output)
 
-    def _tell(self, now: float) -> None:
+    def _report(self, now: float) -> None:
         """Report a worse state or a recovery at once, other changes once a second.
 
         Limits and single invalid commands may change with every message, too often for
@@ -187,15 +187,15 @@ class TorqueGateBehaviour(Behaviour):
         """
         gate = self._gate
         level = WARN if gate.limiting else LEVELS[gate.state]
-        worse = level > self._told_level or (
-            gate.state is State.HOLDING and self._told_state is State.PASSING
+        worse = level > self._reported_level or (
+            gate.state is State.HOLDING and self._reported_state is State.PASSING
         )
-        recovered = gate.state is State.PASSING and self._told_state not in (
+        recovered = gate.state is State.PASSING and self._reported_state not in (
             State.PASSING,
             State.HOLDING,
         )
-        if worse or recovered or now - self._told_at >= TELL_PERIOD:
-            self._told_state, self._told_level, self._told_at = gate.state, level, now
+        if worse or recovered or now - self._reported_at >= REPORT_PERIOD:
+            self._reported_state, self._reported_level, self._reported_at = gate.state, level, now
             self.host.set_diagnostic(
                 level,
                 gate.reason,

@@ -173,7 +173,7 @@ class SlipControl:
         ]
         self.outcomes: list[WheelOutcome] = []
         self.changes: list[str] = []
-        self._untold: list[str] = []
+        self._new_changes: list[str] = []
         self.change_count = 0
         self.grouping, self.differential, self.driven = grouping, differential, ''
         self.set_driveline(grouping, differential, driven)
@@ -219,11 +219,11 @@ class SlipControl:
         for group in self._groups:
             group.reset()
         self.changes = []
-        self._untold = []
+        self._new_changes = []
         self.change_count = 0
 
     def _changed(self, what: str, reason: str) -> None:
-        self._untold.append(f'{what}: {reason}')
+        self._new_changes.append(f'{what}: {reason}')
         self.change_count += 1
 
     @classmethod
@@ -409,10 +409,10 @@ class SlipControl:
             self._idle(dt)
         for outcome, was in zip(outcomes, before, strict=True):
             if was != (outcome.exit_reason, outcome.degraded):
-                self._tell_changes(before)
+                self._record_changes(before)
                 break
-        if self._untold or self.changes:
-            self.changes, self._untold = self._untold, []
+        if self._new_changes or self.changes:
+            self.changes, self._new_changes = self._new_changes, []
         return outcomes
 
     def _safe_target(self, group: WheelGroup, state: SlipState) -> float:
@@ -440,7 +440,7 @@ class SlipControl:
                 outcome.slip_target = self.slip_target
                 outcome.gains = NO_GAINS
 
-    def _tell_changes(self, before: Sequence[tuple[ExitReason, Degraded]]) -> None:
+    def _record_changes(self, before: Sequence[tuple[ExitReason, Degraded]]) -> None:
         """Record wheels that enter or leave control, or whose missing input changed."""
         wheels: dict[str, list[str]] = {}
         for name, outcome, (reason, degraded) in zip(

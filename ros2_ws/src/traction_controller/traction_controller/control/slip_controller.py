@@ -236,8 +236,8 @@ class SlipController:
         if self.set_point is not None:
             self.set_point.reset()
         self.request: Sequence[float] | None = None
-        self._asked: Sequence[float] | None = None
-        self._asked_at = 0.0
+        self._newest_request: Sequence[float] | None = None
+        self._request_time = 0.0
         self._shaft_torque: Sequence[float] | None = None
         self._shaft_time = 0.0
         self._terrain_time: float | None = None
@@ -265,7 +265,7 @@ class SlipController:
         torque : sequence of float
             Requested torque of every wheel, N·m, forward positive.
         """
-        self._asked, self._asked_at = torque, steady_time
+        self._newest_request, self._request_time = torque, steady_time
 
     def slip_target(self, target: float) -> None:
         """Set the target by topic; with a set-point it is stored for later.
@@ -346,8 +346,8 @@ class SlipController:
         # Integral action over at most a few periods after a gap, and none if the clock was set
         # back.
         dt = min(max(dt, 0.0), self._MAX_PERIODS * self._period)
-        silent = steady_time - self._asked_at > self.request_timeout
-        self.request = None if silent else self._asked
+        silent = steady_time - self._request_time > self.request_timeout
+        self.request = None if silent else self._newest_request
         shaft = self._shaft_torque
         if shaft is not None:
             age = round(abs(t - self._shaft_time), _DECIMALS)

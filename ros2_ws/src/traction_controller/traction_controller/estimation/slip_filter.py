@@ -696,19 +696,19 @@ class SlipFilter:
         self._readings.insert(place, reading)
         self._replay(place - 1)
 
-    def _replay(self, first: int, asked: tuple[int, int] = (-1, -1)) -> bool:
+    def _replay(self, first: int, wanted: tuple[int, int] = (-1, -1)) -> bool:
         """Repeat all updates from a reading on; true if the given speed is accepted."""
         self._state[:] = self._readings[first].before
         self._ruts.newest[:] = self._readings[first].newest
-        answer = False
+        accepted_speed = False
         for place in range(first, len(self._readings)):
             reading = self._readings[place]
             self._update_wheels(reading)
             for at, entry in enumerate(reading.speeds):
                 accepted = self._update_speed(reading, entry)
-                if (place, at) == asked:
-                    answer = accepted
-        return answer
+                if (place, at) == wanted:
+                    accepted_speed = accepted
+        return accepted_speed
 
     def _update_wheels(self, reading: WheelReading) -> None:
         """Update with a reading of the wheels younger than the state."""

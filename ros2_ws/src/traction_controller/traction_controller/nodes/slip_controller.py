@@ -425,12 +425,12 @@ class SlipControllerBehaviour(Behaviour):
     def _on_slip(self, message):
         if not self.host.active:
             return
-        told = self._slip_state(message)
-        if told is None:
+        slip_state = self._slip_state(message)
+        if slip_state is None:
             return
         stamp = message.header.stamp
         controller, control = self._controller, self._controller.control
-        outcomes = controller.slip_estimate(self._time(stamp), self.host.steady_time(), told)
+        outcomes = controller.slip_estimate(self._time(stamp), self.host.steady_time(), slip_state)
         request = controller.request
 
         command = self._command
@@ -452,7 +452,7 @@ class SlipControllerBehaviour(Behaviour):
         state.change_count = control.change_count
         state.slip_target = control.slip_target
         state.wheel_slip_target = [outcome.slip_target for outcome in outcomes]
-        state.slip = told.slip
+        state.slip = slip_state.slip
         state.torque_request = request or [0.0] * control.n_wheels
         state.torque_command = command.effort
         state.slip_gain = [outcome.gains[0] for outcome in outcomes]

@@ -83,8 +83,8 @@ def synthesize(
     SynthesisError
         If cvxpy is not installed, the problem is infeasible, or the solver fails.
     """
-    tell = progress or (lambda text, share: None)
-    tell('finding gains', 0.0)
+    report = progress or (lambda text, share: None)
+    report('finding gains', 0.0)
     gains = _rounded(_hinf_gains(design) if design.kind == 'hinf' else _lqr_gains(design))
     row, column = np.triu_indices(design.n_states)
     performance = np.zeros(design.grid)
@@ -95,7 +95,7 @@ def synthesize(
         )
     )  # fmt: skip
     for k, (index, delay, lags, factors) in enumerate(everywhere):
-        tell('proving', (k + 1) / (len(everywhere) + 1))
+        report('proving', (k + 1) / (len(everywhere) + 1))
         found, P = _proof(design, gains, delay, lags, factors)
         performance = np.maximum(performance, found)
         packed[index] = P[:, row, column]

@@ -35,9 +35,9 @@ class PerfectEstimator:
         self._plant = plant
         self.slip_variance = np.zeros(plant.n_wheels)
         self.source = Source.GROUND
-        self._look()
+        self._copy_state()
 
-    def _look(self) -> None:
+    def _copy_state(self) -> None:
         plant = self._plant
         self.v = plant.v
         self.slip = np.array(plant.slip)
@@ -60,7 +60,7 @@ class PerfectEstimator:
         bool
             True.
         """
-        self._look()
+        self._copy_state()
         return True
 
     def radar(self, t: float, v: float, variance: float) -> bool:

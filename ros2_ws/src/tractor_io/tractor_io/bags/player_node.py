@@ -138,7 +138,7 @@ class BagPlayerBehaviour(Behaviour):
 
     def activate(self):
         """Start to play."""
-        self.host.steady_timer(1.0, self._tell)
+        self.host.steady_timer(1.0, self._update_diagnostic)
         self._thread = threading.Thread(target=self._play, name='player')
         self._thread.start()
 
@@ -215,7 +215,7 @@ class BagPlayerBehaviour(Behaviour):
             return not self._stopping.wait(delay)
         return not self._stopping.is_set()
 
-    def _tell(self):
+    def _update_diagnostic(self):
         late = self._lag > LAG
         self.host.set_diagnostic(
             WARN if late else OK,

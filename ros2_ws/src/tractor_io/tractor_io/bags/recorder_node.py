@@ -81,10 +81,10 @@ class BagRecorderBehaviour(Behaviour):
         # By node: count of searches and count at the next request; clients of open requests.
         self._looks = {}
         self._ask_at = {}
-        self._asking = {}
+        self._requests = {}
         # By node: changes while recording; and custom data not yet written.
         self._changes = {}
-        self._to_say = {}
+        self._custom_data = {}
         self._qos = {}
         self._subscriptions_by_name = {}
         names = topics() if ALL in self.host.p.topics else map(_table_name, self.host.p.topics)
@@ -97,16 +97,16 @@ class BagRecorderBehaviour(Behaviour):
         self.host.node.create_subscription(
             ParameterEvent, '/parameter_events', self._note_changes, qos_profile_parameter_events
         )
-        self.host.steady_timer(1.0, self._tell)
+        self.host.steady_timer(1.0, self._update_diagnostic)
         self.host.steady_timer(FLUSH_PERIOD, self._flush)
-        self.host.steady_timer(ASK_PERIOD, self._ask_parameters)
-        self._tell()
+        self.host.steady_timer(ASK_PERIOD, self._request_parameters)
+        self._update_diagnostic()
 
     def deactivate(self):
         """Finish the bag."""
         if self._writer is None:
             return
-        self._say()
+        self._write_custom_data()
         self._writer.close()
         self.host.get_logger().info(
             f'{self.host.p.output}: {sum(self._writer.counts.values())} messages recorded'
@@ -158,11 +158,11 @@ class BagRecorderBehaviour(Behaviour):
 
     # Parameters of other nodes: asynchronous requests, so that recording does not wait.
 
-    def _ask_parameters(self):
+    def _request_parameters(self):
         if self._writer is None:
             return
         try:
-            self._say()
+            self._write_custom_data()
         except BagError as error:
             self._give_up(error)
             return
@@ -171,14 +171,14 @@ class BagRecorderBehaviour(Behaviour):
             # Hidden nodes belong to tools.
             if self._is_ours(node) and not name.startswith('_') and node not in self._looks:
                 self._looks[node] = self._ask_at[node] = 0
-                self._asking[node] = (
+                self._requests[node] = (
                     self.host.node.create_client(ListParameters, f'{node}/list_parameters'),
                     self.host.node.create_client(GetParameters, f'{node}/get_parameters'),
                 )
-        for node, (listing, getting) in list(self._asking.items()):
+        for node, (listing, getting) in list(self._requests.items()):
             self._looks[node] += 1
             if self._looks[node] > MAX_LOOKS:
-                self._done_asking(node)
+                self._close_requests(node)
             elif self._looks[node] < self._ask_at[node]:
                 continue
             elif listing.service_is_ready() and getting.service_is_ready():
@@ -188,17 +188,17 @@ class BagRecorderBehaviour(Behaviour):
                 )
 
     def _take_names(self, node, future):
-        if node not in self._asking or future.result() is None:
+        if node not in self._requests or future.result() is None:
             return
         names = sorted(future.result().result.names)
-        self._asking[node][1].call_async(GetParameters.Request(names=names)).add_done_callback(
+        self._requests[node][1].call_async(GetParameters.Request(names=names)).add_done_callback(
             lambda answer: self._take_parameters(node, names, answer)
         )
 
     def _take_parameters(self, node, names, future):
         # A node with a parameter without value sends an empty response.
         if (
-            node not in self._asking
+            node not in self._requests
             or future.result() is None
             or len(future.result().values) != len(names)
         ):
@@ -207,7 +207,7 @@ class BagRecorderBehaviour(Behaviour):
         values = {name: _plain(value) for name, value in zip(names, found, strict=True)}
         # The next search destroys its clients; one of them is the caller of this function.
         self._looks[node] = MAX_LOOKS
-        self._to_say[f'parameters {node}'] = dump_plain_yaml(values, inline_lists=True)
+        self._custom_data[f'parameters {node}'] = dump_plain_yaml(values, inline_lists=True)
 
     def _note_changes(self, event):
         if not (event.changed_parameters and self._is_ours(event.node)):
@@ -218,19 +218,19 @@ class BagRecorderBehaviour(Behaviour):
             value = _plain(parameter_value_to_python(parameter.value))
             changes.append({'time': time, parameter.name: value})
         del changes[:-MAX_CHANGES]
-        self._to_say[f'changed {event.node}'] = dump_plain_yaml(changes, inline_lists=True)
+        self._custom_data[f'changed {event.node}'] = dump_plain_yaml(changes, inline_lists=True)
 
-    def _say(self):
+    def _write_custom_data(self):
         """Write new custom data; seldom, because each record repeats all of it."""
-        if self._to_say:
-            self._writer.say(self._to_say)
-            self._to_say = {}
+        if self._custom_data:
+            self._writer.say(self._custom_data)
+            self._custom_data = {}
 
     def _is_ours(self, node):
         return node.startswith(self.host.node.get_namespace().rstrip('/') + '/')
 
-    def _done_asking(self, node):
-        for client in self._asking.pop(node):
+    def _close_requests(self, node):
+        for client in self._requests.pop(node):
             self.host.node.destroy_client(client)
 
     def _flush(self):
@@ -256,7 +256,7 @@ class BagRecorderBehaviour(Behaviour):
             depth=QOS[topic(name).qos].depth,
         )
 
-    def _tell(self):
+    def _update_diagnostic(self):
         if self._writer is not None:
             counts = self._writer.counts
             self.host.set_diagnostic(

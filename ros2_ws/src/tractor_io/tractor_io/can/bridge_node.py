@@ -7,7 +7,7 @@ from traction_node.parameter import NodeParameter
 from traction_node.run import run
 from traction_node.stamp import to_stamp_exact
 from tractor_io.can.address_claim import AddressClaim, name_of
-from tractor_io.can.bus_link import TELL_PERIOD, BusLink
+from tractor_io.can.bus_link import REPORT_PERIOD, BusLink
 from tractor_io.can.drivetrain_parameters import DRIVETRAIN_PARAMETERS, make_drivetrain
 from tractor_io.can.interface import DEFAULT_PORT, INTERFACES, find_interface
 from tractor_io.can.j1939 import LAST_ADDRESS, Unknown
@@ -222,7 +222,7 @@ class CanBridgeBehaviour(Behaviour):
     def _update_diagnostic(self):
         now = self.host.steady_time()
         report = self._link.report()
-        if report == self._reported and now - self._reported_at < TELL_PERIOD:
+        if report == self._reported and now - self._reported_at < REPORT_PERIOD:
             return
         self._reported, self._reported_at = report, now
         with self._link.locked() as bus:

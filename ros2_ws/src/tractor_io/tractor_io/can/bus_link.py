@@ -20,7 +20,7 @@ from tractor_io.can.parameter_group import FrameError, Group
 from tractor_io.can.torque_limit import PERIOD
 from tractor_io.can.vehicle_bus import Frame, VehicleBus
 
-TELL_PERIOD = 1.0
+REPORT_PERIOD = 1.0
 """Time between two regular reports, s."""
 
 LISTEN_PERIOD = 0.1
@@ -207,7 +207,7 @@ class BusLink:
                 # Leaves the processor to the limit; the queue of the driver drops the excess.
                 with self._lock:
                     self.counts['floods'] += 1
-                    self._flooded = now + TELL_PERIOD
+                    self._flooded = now + REPORT_PERIOD
                 self._ended.wait(until - now)
             taken += 1
             with self._lock:
@@ -272,7 +272,7 @@ class BusLink:
     def _count(self, now: float) -> None:
         """Look for faults in the frames of the last second, once a second."""
         passed = now - self._counted_at
-        if passed < TELL_PERIOD:
+        if passed < REPORT_PERIOD:
             return
         new = {name: count - self._counted[name] for name, count in self.counts.items()}
         self._counted_at, self._counted = now, dict(self.counts)
