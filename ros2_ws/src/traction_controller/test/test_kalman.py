@@ -22,7 +22,7 @@ STEPS = 400
 
 
 def measure(method, x, p, function, entries, steps, measured, variance):
-    """One scalar measurement of some entries, as the slip filter takes it in."""
+    """Update with one scalar measurement of some entries, as in the slip filter."""
     k = len(entries)
     entries, steps = np.array(entries), np.array(steps)
     root, points, slope = np.zeros((k, k)), np.empty((1 + 2 * k, k)), np.empty(k)

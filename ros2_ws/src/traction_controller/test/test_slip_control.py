@@ -22,7 +22,7 @@ DT = 0.01
 
 @functools.cache
 def shared_control():
-    """One for all tests: computing its gains takes a while."""
+    """Control shared by all tests, since the computation of its gains is slow."""
     return SlipControl(TRACTOR, 0.2, hold_torque=20000.0)
 
 
@@ -40,7 +40,7 @@ def control():
 
 
 def step(control, slips, requests, *, valid=True, rims=2.0, speed=0.0, shaft=0.0, dt=DT):
-    """One step with the same value for all four wheels where only one is given."""
+    """Step with one value for all four wheels if only one is given."""
 
     def each(value):
         return [value] * 4 if np.ndim(value) == 0 else list(value)

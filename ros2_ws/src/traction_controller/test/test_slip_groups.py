@@ -29,7 +29,7 @@ def law_settings():
 
 @functools.cache
 def shared_control():
-    """One for all tests that begin with a reset: making it takes a while."""
+    """Control shared by tests that start with a reset, since its construction is slow."""
     return SlipControl(TRACTOR, 0.2, settings=law_settings(), hold_torque=20000.0)
 
 

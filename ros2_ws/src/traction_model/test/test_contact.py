@@ -376,10 +376,10 @@ def states(draw):
 
 
 def largest_jump(force, a, b):
-    """What remains of the change between two states where it is largest, over the load.
+    """Largest jump of the forces between two states, over the load.
 
-    Halving the way between them, and keeping the half over which the forces change more, leads
-    to a jump if there is one: elsewhere the change goes to nothing.
+    Bisection that keeps the half with the larger change of forces converges to a jump. Without a jump
+    the change converges to 0.
     """
     at_a, at_b = force(a), force(b)
     scale = max(at_a[0], at_b[0], 10.0)

@@ -21,7 +21,7 @@ SPRINGY, DEAD = load_soil('sandy_loam_chrono'), load_soil('paper_sand')
 
 
 def rut(depth, shear=0.0, width=WIDTH, x_from=-2.0, x_to=2.0):
-    """One track with a rut in it."""
+    """Track with a rut."""
     ruts = fresh_ruts(1, 0.0)
     press_rut(x_from, x_to, depth, shear, width, 0, ruts)
     return ruts

@@ -283,7 +283,7 @@ def test_drawbar_by_hand():
 
 
 def resistance_of(plant):
-    """What holds a vehicle back besides the soil, N."""
+    """External force on a vehicle without the soil, N."""
     soil = plant.gross_traction.sum() - plant.net_traction.sum()
     return plant.external_resistance - soil
 
@@ -367,7 +367,7 @@ VARIANTS = [
 
 
 def turns(values):
-    """How often a sign changes, of what is more than a micrometre a second."""
+    """Number of sign changes among rates above a micrometre per second."""
     signs = np.sign(values[np.abs(values) > 1e-6])
     return int(np.count_nonzero(np.diff(signs)))
 
