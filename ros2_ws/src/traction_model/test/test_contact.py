@@ -378,8 +378,8 @@ def states(draw):
 def largest_jump(force, a, b):
     """Largest jump of the forces between two states, over the load.
 
-    Bisection that keeps the half with the larger change of forces converges to a jump. Without a jump
-    the change converges to 0.
+    Bisection that keeps the half with the larger change of forces converges to a jump. Without a
+    jump the change converges to 0.
     """
     at_a, at_b = force(a), force(b)
     scale = max(at_a[0], at_b[0], 10.0)
