@@ -35,12 +35,22 @@ def node():
     rclpy.shutdown()
 
 
-def test_working_executor_is_taken(node, monkeypatch):
-    class Works(SingleThreadedExecutor):
-        pass
+class Works(SingleThreadedExecutor):
+    pass
 
-    monkeypatch.setattr(run, 'EventsExecutor', Works)
-    assert type(run.executor_for(node)) is Works
+
+class WorksLate(SingleThreadedExecutor):
+    """Gets a core only after a second."""
+
+    def spin_until_future_complete(self, future, timeout_sec=None):
+        if timeout_sec > 1.0:
+            super().spin_until_future_complete(future, timeout_sec)
+
+
+@pytest.mark.parametrize('working', [Works, WorksLate])
+def test_working_executor_is_taken(node, monkeypatch, working):
+    monkeypatch.setattr(run, 'EventsExecutor', working)
+    assert type(run.executor_for(node)) is working
 
 
 @pytest.mark.parametrize('broken', [NeverFires, Raises, None])
