@@ -50,7 +50,7 @@ class SpeedLpvModel(LpvModel):
         known = [
             SchedulingParameter('heading', '1', np.array([-1.0]), np.array([1.0])),
             self._range('sinkage_exponent', '1', 0.0, 3.0),
-            self._range('area', 'm^2', width * self._least_length, 2 * width * self._radius),
+            self._range('area', 'm^2', width * self._min_length, 2 * width * self._radius),
             self._range('load', 'N', 0.0, self._largest_load),
             self._range('shear_deformation_modulus', 'm', 1e-4, 1.0),
             self._range(
