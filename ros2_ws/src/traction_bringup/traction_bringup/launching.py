@@ -1,11 +1,13 @@
 """The system as actions of `ros2 launch`."""
 
+from typing import Any
+
 from launch_ros.actions import Node
 
 from traction_bringup.system import system
 
 
-def actions(*, namespace: str = '', **choices):
+def actions(*, namespace: str = '', **choices: Any) -> list[Node]:
     """Nodes of the system as launch actions.
 
     Parameters

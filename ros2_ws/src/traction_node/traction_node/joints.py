@@ -2,6 +2,9 @@
 
 import math
 from collections.abc import Sequence
+from typing import TypeVar
+
+Number = TypeVar('Number', bound=float)
 
 
 class JointError(ValueError):
@@ -44,19 +47,19 @@ class JointOrder:
         self._seen: list[str] | None = None
         self._order: tuple[int, ...] = ()
 
-    def values(self, names: Sequence[str], values: Sequence[float]) -> list[float]:
+    def values(self, names: Sequence[str], values: Sequence[Number]) -> list[Number]:
         """One finite value per joint.
 
         Parameters
         ----------
         names : sequence of str
             Joints of the message, every joint of the receiver once.
-        values : sequence of float
+        values : sequence of float or bool
             Values, in any unit.
 
         Returns
         -------
-        list of float
+        list of float or bool
             Values in the receiver's order and the message's unit.
 
         Raises

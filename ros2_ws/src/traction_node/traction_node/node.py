@@ -5,7 +5,10 @@ import math
 import sys
 import time
 import traceback
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import (
@@ -20,13 +23,23 @@ from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.executors import Executor
-from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
+from rclpy.lifecycle import (
+    LifecycleNode,
+    LifecyclePublisher,
+    LifecycleState,
+    TransitionCallbackReturn,
+)
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.service import Service
+from rclpy.subscription import Subscription
 from rclpy.task import Future
+from rclpy.timer import Timer
 
 from traction_node import diagnostic, quality_of_service
-from traction_node.parameter import ParameterError, resolve, unknown
+from traction_node.behaviour import Behaviour
+from traction_node.parameter import NodeParameter, ParameterError, resolve, unknown
 from traction_node.parameter_file import node_parameters
 from traction_node.topics import message_class, topic
 
@@ -45,7 +58,7 @@ QOS = {
 DIAGNOSTIC_PERIOD = 1.0  # [s]
 
 
-def descriptor(parameter):
+def descriptor(parameter: NodeParameter) -> ParameterDescriptor:
     """Description of a parameter for `ros2 param describe` and graphical tools.
 
     Parameters
@@ -73,7 +86,7 @@ def descriptor(parameter):
     return result
 
 
-class _HostNode:
+class _HostNode(Node):
     """Host on rclpy; base class of the two kinds of node below.
 
     Parameters
@@ -97,17 +110,22 @@ class _HostNode:
         Done when the node has to end; its result is the reason.
     """
 
-    def __init__(self, behaviour, parameter_files=(), **kwargs):
+    def __init__(
+        self,
+        behaviour: type[Behaviour],
+        parameter_files: Sequence[str | Path] = (),
+        **kwargs: Any,
+    ):
         self.active = False
         super().__init__(behaviour.NAME, **kwargs)
         self.finished = Future()
-        self._entities = []
+        self._entities: list[tuple[Callable[[Any], Any], Any]] = []
         self._diagnostic = diagnostic.Diagnostic()
         self._diagnostic_publisher = self._create_publisher('/diagnostics')
         self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(DIAGNOSTIC_PERIOD, self._report, clock=self._steady_clock)
         self._table = {row.name: row for row in behaviour.parameter_table()}
-        given = {}
+        given: dict[str, Any] = {}
         for file in parameter_files:
             given |= self._read(file)
         overrides = given | {name: p.value for name, p in self._parameter_overrides.items()}
@@ -128,7 +146,7 @@ class _HostNode:
         if own:
             self.set_parameters_atomically(own)
 
-    def _read(self, file):
+    def _read(self, file: str | Path) -> dict[str, Any]:
         """Checked parameters of this node from a file."""
         node = self.get_fully_qualified_name()
         known = [*self._table, *self._parameters]
@@ -144,11 +162,11 @@ class _HostNode:
         return values
 
     @property
-    def node(self):
+    def node(self) -> Node:
         """This node."""
         return self
 
-    def finish(self, reason=''):
+    def finish(self, reason: str = '') -> None:
         """End the process; see `traction_node.host.Host.finish`."""
         if not self.finished.done():
             self.finished.set_result(reason)
@@ -157,7 +175,7 @@ class _HostNode:
 
     # Parameters
 
-    def _check(self, p):
+    def _check(self, p: SimpleNamespace) -> None:
         try:
             self.behaviour.check_parameters(p)
         except ParameterError:
@@ -165,7 +183,9 @@ class _HostNode:
         except ValueError as error:
             raise ParameterError(str(error)) from error
 
-    def set_parameters_atomically(self, parameter_list):
+    def set_parameters_atomically(
+        self, parameter_list: list[rclpy_parameter.Parameter]
+    ) -> SetParametersResult:
         """Set parameters at run time, all or none; the parameter services call it, too.
 
         Returns
@@ -201,21 +221,21 @@ class _HostNode:
 
     # Topics and timers: see `traction_node.host.Host`.
 
-    def _create_publisher(self, name):
+    def _create_publisher(self, name: str) -> Publisher:
         row = topic(name)
         return Node.create_publisher(self, message_class(row.type), name, QOS[row.qos])
 
-    def publisher(self, name):
+    def publisher(self, name: str) -> Publisher:
         """Publisher of a topic."""
         publisher = self._create_publisher(name)
         self._entities.append((self.destroy_publisher, publisher))
         return publisher
 
-    def message(self, name):
+    def message(self, name: str) -> Any:
         """New message of a topic, all fields zero or empty."""
         return message_class(topic(name).type)()
 
-    def subscription(self, name, callback):
+    def subscription(self, name: str, callback: Callable[[Any], None]) -> Subscription:
         """Subscribe to a topic."""
         row = topic(name)
         subscription = self.create_subscription(
@@ -224,27 +244,27 @@ class _HostNode:
         self._entities.append((self.destroy_subscription, subscription))
         return subscription
 
-    def publisher_count(self, name):
+    def publisher_count(self, name: str) -> int:
         """Number of publishers of a topic, in all processes."""
         return self.count_publishers(name)
 
-    def service(self, name, type_name, callback):
+    def service(self, name: str, type_name: str, callback: Callable[[Any, Any], Any]) -> Service:
         """Create a service in the namespace of the node."""
         service = self.create_service(message_class(type_name), f'~/{name}', callback)
         self._entities.append((self.destroy_service, service))
         return service
 
-    def steady_timer(self, period, callback):
+    def steady_timer(self, period: float, callback: Callable[[], None]) -> Timer:
         """Timer on the steady clock."""
         timer = self.create_timer(period, callback, clock=self._steady_clock)
         self._entities.append((self.destroy_timer, timer))
         return timer
 
-    def steady_time(self):
+    def steady_time(self) -> float:
         """Time of the steady clock, s."""
         return time.monotonic()
 
-    def await_delivery(self, publishers, timeout):
+    def await_delivery(self, publishers: Iterable[Publisher], timeout: float) -> bool:
         """Block until reliable subscribers have all messages; False at the timeout."""
         end = self.steady_time() + timeout
         return all(
@@ -252,11 +272,11 @@ class _HostNode:
             for publisher in publishers
         )
 
-    def now(self):
+    def now(self) -> int:
         """ROS time, ns."""
         return self.get_clock().now().nanoseconds
 
-    def _destroy_entities(self, first=0):
+    def _destroy_entities(self, first: int = 0) -> None:
         """Destroy entities created by the methods above, from index `first` on."""
         while len(self._entities) > first:
             destroy, entity = self._entities.pop()
@@ -264,15 +284,15 @@ class _HostNode:
 
     # Diagnostics
 
-    def set_diagnostic(self, level, message, **values):
+    def set_diagnostic(self, level: int, message: str, **values: Any) -> None:
         """Set the entry in `/diagnostics`, published once a second and at changes."""
         if self._diagnostic.change(level, message, values):
             self._report()
 
-    def _diagnostic_values(self):
+    def _diagnostic_values(self) -> dict[str, object]:
         return self._diagnostic.values
 
-    def _report(self):
+    def _report(self) -> None:
         status = DiagnosticStatus(
             level=bytes([self._diagnostic.level]),
             name=self.get_fully_qualified_name().removeprefix('/'),
@@ -287,10 +307,10 @@ class _HostNode:
         self._diagnostic_publisher.publish(array)
 
 
-class HostNode(_HostNode, Node):
+class HostNode(_HostNode):
     """Node without lifecycle, active from start to end: a simulator, a player, a recorder."""
 
-    def begin(self):
+    def begin(self) -> None:
         """Configure and activate; called by `traction_node.run`.
 
         Raises
@@ -302,7 +322,7 @@ class HostNode(_HostNode, Node):
         self.active = True
         self.behaviour.activate()
 
-    def end(self):
+    def end(self) -> None:
         """Deactivate and clean up, as far as necessary; called by `traction_node.run`.
 
         Raises
@@ -319,7 +339,12 @@ class HostNode(_HostNode, Node):
 class LifecycleHostNode(_HostNode, LifecycleNode):
     """Lifecycle node: it acts on the vehicle, so other nodes configure and activate it."""
 
-    def __init__(self, behaviour, parameter_files=(), **kwargs):
+    def __init__(
+        self,
+        behaviour: type[Behaviour],
+        parameter_files: Sequence[str | Path] = (),
+        **kwargs: Any,
+    ):
         self._configured = 0
         super().__init__(behaviour, parameter_files, **kwargs)
         self._diagnostic.message = 'unconfigured'
@@ -329,24 +354,27 @@ class LifecycleHostNode(_HostNode, LifecycleNode):
 
     # Transitions
 
-    def _create_publisher(self, name):
+    def _create_publisher(self, name: str) -> Publisher:
         if name == '/diagnostics':
             return super()._create_publisher(name)
         row = topic(name)
-        return self.create_lifecycle_publisher(message_class(row.type), name, QOS[row.qos])
+        publisher: LifecyclePublisher = self.create_lifecycle_publisher(
+            message_class(row.type), name, QOS[row.qos]
+        )
+        return publisher
 
-    def publisher(self, name):
+    def publisher(self, name: str) -> Publisher:
         """Publisher of a topic; messages are dropped unless the node is active."""
         publisher = self._create_publisher(name)
-        if self.active:
+        if self.active and isinstance(publisher, LifecyclePublisher):
             publisher.on_activate(None)
         self._entities.append((self.destroy_lifecycle_publisher, publisher))
         return publisher
 
-    def _diagnostic_values(self):
+    def _diagnostic_values(self) -> dict[str, object]:
         return {'state': self._state_machine.current_state[1], **super()._diagnostic_values()}
 
-    def _answer_change_state(self, request, response):
+    def _answer_change_state(self, request: Any, response: Any) -> Any:
         possible = {
             key: True
             for number, label, *_ in self._state_machine.available_transitions
@@ -360,7 +388,7 @@ class LifecycleHostNode(_HostNode, LifecycleNode):
             return response
         return self._change_state(request, response)
 
-    def _call(self, hook):
+    def _call(self, hook: Callable[[], None]) -> TransitionCallbackReturn:
         """Call a hook; log a failure in one line, a defect with its traceback."""
         name = hook.__name__
         try:
@@ -375,7 +403,7 @@ class LifecycleHostNode(_HostNode, LifecycleNode):
             return TransitionCallbackReturn.ERROR
         return TransitionCallbackReturn.SUCCESS
 
-    def on_configure(self, state):
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Transition of rclpy; calls the hook `configure`."""
         result = self._call(self.behaviour.configure)
         if result == TransitionCallbackReturn.SUCCESS:
@@ -385,7 +413,7 @@ class LifecycleHostNode(_HostNode, LifecycleNode):
             self._destroy_entities()
         return result
 
-    def on_activate(self, state):
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Transition of rclpy; calls the hook `activate`."""
         super().on_activate(state)
         self.active = True
@@ -402,7 +430,7 @@ class LifecycleHostNode(_HostNode, LifecycleNode):
             gc.disable()
         return result
 
-    def on_deactivate(self, state):
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Transition of rclpy; calls the hook `deactivate`."""
         result = self._call(self.behaviour.deactivate)
         if result == TransitionCallbackReturn.SUCCESS:
@@ -410,14 +438,14 @@ class LifecycleHostNode(_HostNode, LifecycleNode):
             self.set_diagnostic(diagnostic.OK, 'inactive')
         return result
 
-    def _leave_active(self, state):
+    def _leave_active(self, state: LifecycleState) -> None:
         self.active = False
         super().on_deactivate(state)
         self._destroy_entities(self._configured)
         gc.enable()
         gc.unfreeze()
 
-    def on_cleanup(self, state):
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Transition of rclpy; calls the hook `cleanup`."""
         result = self._call(self.behaviour.cleanup)
         if result == TransitionCallbackReturn.SUCCESS:
@@ -425,7 +453,7 @@ class LifecycleHostNode(_HostNode, LifecycleNode):
             self.set_diagnostic(diagnostic.OK, 'unconfigured')
         return result
 
-    def on_shutdown(self, state):
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Transition of rclpy; calls `deactivate` and `cleanup` as far as necessary."""
         if state.label == 'active':
             self._call(self.behaviour.deactivate)
@@ -436,19 +464,19 @@ class LifecycleHostNode(_HostNode, LifecycleNode):
         self.set_diagnostic(diagnostic.STALE, 'shut down')
         return TransitionCallbackReturn.SUCCESS
 
-    def on_error(self, state):
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Transition of rclpy after a defect: back to unconfigured."""
         if self.active:
             self._leave_active(state)
         self._destroy_entities()
         return TransitionCallbackReturn.SUCCESS
 
-    def begin(self):
+    def begin(self) -> None:
         """Configure and activate if `autostart` is set; called by `traction_node.run`."""
         if self.p.autostart and self.trigger_configure() == TransitionCallbackReturn.SUCCESS:
             self.trigger_activate()
 
-    def end(self):
+    def end(self) -> None:
         """Shut down from any state; called by `traction_node.run`."""
         if self._state_machine.current_state[1] in ('unconfigured', 'inactive', 'active'):
             self.trigger_shutdown()

@@ -16,16 +16,20 @@ import signal
 import subprocess
 import threading
 import time
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import IO, Any, cast
 
 import rclpy
 from ament_index_python.packages import get_package_prefix
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.srv import GetParameterTypes, SetParameters
+from rclpy.client import Client
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
 
 from traction_node.node import QOS
 from traction_node.topics import message_class, topic
@@ -44,7 +48,7 @@ DEPTH = 1000
 """Queue of a subscription, messages."""
 
 
-def executable(package, name):
+def executable(package: str, name: str) -> Path:
     """Path of a node's executable, where `ros2 run` would find it.
 
     Parameters
@@ -66,7 +70,13 @@ def executable(package, name):
     return path
 
 
-def ros_arguments(params=None, params_files=(), remaps=None, namespace='', name=''):
+def ros_arguments(
+    params: Mapping[str, Any] | None = None,
+    params_files: Sequence[str | Path] = (),
+    remaps: Mapping[str, str] | None = None,
+    namespace: str = '',
+    name: str = '',
+) -> list[str]:
     """Command line of a node, as for `ros2 run`.
 
     Parameters
@@ -100,7 +110,7 @@ def ros_arguments(params=None, params_files=(), remaps=None, namespace='', name=
     return ['--ros-args', *arguments] if arguments else []
 
 
-def _yaml(value):
+def _yaml(value: Any) -> str:
     if isinstance(value, bool):
         return 'true' if value else 'false'
     if isinstance(value, list | tuple):
@@ -126,11 +136,18 @@ class NodeProcess:
         True: the output of the node is not printed at the end.
     """
 
-    def __init__(self, path, *args, env=None, quiet=False, **ros):
+    def __init__(
+        self,
+        path: str | Path,
+        *args: str,
+        env: Mapping[str, str] | None = None,
+        quiet: bool = False,
+        **ros: Any,
+    ):
         self._quiet = quiet
         self._interrupted = False
         self.command = [str(path), *args, *ros_arguments(**ros)]
-        self._lines = []
+        self._lines: list[str] = []
         self._changed = threading.Condition()
         self._process = subprocess.Popen(
             self.command,
@@ -139,47 +156,48 @@ class NodeProcess:
             stderr=subprocess.STDOUT,
             text=True,
         )
+        self._stdout = cast(IO[str], self._process.stdout)
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
-    def _read(self):
-        for line in self._process.stdout:
+    def _read(self) -> None:
+        for line in self._stdout:
             with self._changed:
                 self._lines.append(line)
                 self._changed.notify_all()
 
-    def __enter__(self):
+    def __enter__(self) -> 'NodeProcess':
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: object) -> None:
         if self.running:
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self.interrupt()
         self.kill()
         self._reader.join()
-        self._process.stdout.close()
+        self._stdout.close()
         if not self._quiet:
             # The test runner shows it if the test failed.
             print(f'--- {" ".join(self.command)}: exit status {self._process.returncode}')
             print(self.output, end='')
 
     @property
-    def pid(self):
+    def pid(self) -> int:
         """Process number."""
         return self._process.pid
 
     @property
-    def running(self):
+    def running(self) -> bool:
         """True until the process has ended."""
         return self._process.poll() is None
 
     @property
-    def output(self):
+    def output(self) -> str:
         """Output so far, of both streams."""
         with self._changed:
             return ''.join(self._lines)
 
-    def wait_for_output(self, text, timeout=HANG_TIMEOUT):
+    def wait_for_output(self, text: str, timeout: float = HANG_TIMEOUT) -> None:
         """Wait until its output contains a text.
 
         Parameters
@@ -198,7 +216,7 @@ class NodeProcess:
             if not self._changed.wait_for(lambda: text in ''.join(self._lines), timeout):
                 raise TimeoutError(f'no "{text}" in {timeout:g} s in:\n{"".join(self._lines)}')
 
-    def wait(self, timeout=HANG_TIMEOUT):
+    def wait(self, timeout: float = HANG_TIMEOUT) -> int:
         """Wait for the end of the process and of its output; returns its exit status.
 
         Parameters
@@ -210,23 +228,23 @@ class NodeProcess:
         self._reader.join(timeout)
         return status
 
-    def send_interrupt(self):
+    def send_interrupt(self) -> None:
         """Send SIGINT, without waiting for the end; only once, as a second one aborts a node."""
         if self.running and not self._interrupted:
             self._interrupted = True
             self._process.send_signal(signal.SIGINT)
 
-    def interrupt(self):
+    def interrupt(self) -> int:
         """End it with SIGINT, as Ctrl-C; returns its exit status."""
         self.send_interrupt()
         return self.wait()
 
-    def terminate(self):
+    def terminate(self) -> int:
         """End it with SIGTERM; returns its exit status."""
         self._process.terminate()
         return self.wait()
 
-    def kill(self):
+    def kill(self) -> int:
         """End it at once with SIGKILL; returns its exit status."""
         self._process.kill()
         return self.wait()
@@ -250,28 +268,30 @@ class Probe:
         Node of rclpy.
     """
 
-    def __init__(self, namespace=''):
+    def __init__(self, namespace: str = ''):
         self._context = rclpy.Context()
         use_udp()
         rclpy.init(args=[], context=self._context)
         self.node = rclpy.create_node('probe', context=self._context, namespace=namespace)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
-        self._publishers = {}
+        self._publishers: dict[str, Publisher] = {}
         self._subscriptions = {}
-        self._clients = {}
+        self._clients: dict[str, Client] = {}
         self._met = set()
-        self._statuses = None
+        self._statuses: list[DiagnosticStatus] | None = None
 
-    def __enter__(self):
+    def __enter__(self) -> 'Probe':
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: object) -> None:
         self._executor.shutdown()
         self.node.destroy_node()
         self._context.try_shutdown()
 
-    def wait_for(self, condition, what, timeout=HANG_TIMEOUT):
+    def wait_for(
+        self, condition: Callable[[], Any], what: str, timeout: float = HANG_TIMEOUT
+    ) -> Any:
         """Run callbacks until a condition holds.
 
         Parameters
@@ -300,7 +320,7 @@ class Probe:
             self._executor.spin_once(timeout_sec=0.02)
         return result
 
-    def run_for(self, duration):
+    def run_for(self, duration: float) -> None:
         """Run callbacks for a time, to show that something does not happen.
 
         Parameters
@@ -311,7 +331,12 @@ class Probe:
         with contextlib.suppress(TimeoutError):
             self.wait_for(lambda: False, 'end', timeout=duration)
 
-    def subscribe(self, name, callback=None, sent=None):
+    def subscribe(
+        self,
+        name: str,
+        callback: Callable[[Any], None] | None = None,
+        sent: list[float] | None = None,
+    ) -> list[Any]:
         """Subscribe to one of the suite's topics.
 
         Messages from before the match with a publisher are lost, see `meet`.
@@ -331,9 +356,9 @@ class Probe:
         list
             Received messages; it grows.
         """
-        received = []
+        received: list[Any] = []
 
-        def take(message, info):
+        def take(message: Any, info: Any) -> None:
             received.append(message)
             if sent is not None:
                 sent.append(info['source_timestamp'] * 1e-9)
@@ -349,7 +374,7 @@ class Probe:
         )
         return received
 
-    def publisher(self, name):
+    def publisher(self, name: str) -> Publisher:
         """Publisher of one of the suite's topics, created once and matched with its subscribers.
 
         Parameters
@@ -376,7 +401,7 @@ class Probe:
                 self._met.add(identifier)
         return publisher
 
-    def _subscribers(self, publisher):
+    def _subscribers(self, publisher: Publisher) -> set[str]:
         """Names of the subscribed nodes by endpoint identifier; empty until all are known."""
         found = {
             bytes(info.endpoint_gid): (info.node_namespace, info.node_name)
@@ -389,7 +414,7 @@ class Probe:
             return {}
         return {gid: f'{space.rstrip("/")}/{name}' for gid, (space, name) in found.items()}
 
-    def meet(self, node, *names):
+    def meet(self, node: str, *names: str) -> None:
         """Wait until a node is matched with all publishers and subscriptions of this probe.
 
         Messages are lost until both sides of a topic are matched, and each side knows only of
@@ -418,7 +443,7 @@ class Probe:
         finally:
             self.node.destroy_client(client)
 
-    def call(self, service_type, name, request):
+    def call(self, service_type: Any, name: str, request: Any) -> Any:
         """Call a service and wait for its response.
 
         DDS may lose the response to a new client, so a call without response is repeated. The
@@ -443,12 +468,12 @@ class Probe:
         """
         return self._ask(self._client(service_type, name), name, request)
 
-    def _client(self, service_type, name):
+    def _client(self, service_type: Any, name: str) -> Client:
         if name not in self._clients:
             self._clients[name] = self.node.create_client(service_type, name)
         return self._clients[name]
 
-    def _ask(self, client, name, request):
+    def _ask(self, client: Client, name: str, request: Any) -> Any:
         """Call a service until it responds."""
         end = time.monotonic() + HANG_TIMEOUT
         while time.monotonic() < end:
@@ -456,7 +481,7 @@ class Probe:
                 return self._ask_once(client, name, request)
         raise TimeoutError(f'no response of {name} in {HANG_TIMEOUT:g} s')
 
-    def _ask_once(self, client, name, request):
+    def _ask_once(self, client: Client, name: str, request: Any) -> Any:
         self.wait_for(client.service_is_ready, f'service {name}')
         future = client.call_async(request)
         try:
@@ -466,7 +491,7 @@ class Probe:
             raise _NoResponseError from error
         return future.result()
 
-    def change_state(self, node, transition):
+    def change_state(self, node: str, transition: str) -> bool:
         """Request a transition of a lifecycle node.
 
         Parameters
@@ -486,18 +511,20 @@ class Probe:
         before = self.state(node)
         try:
             client = self._client(ChangeState, service)
-            return self._ask_once(client, service, request).success
+            return bool(self._ask_once(client, service, request).success)
         except _NoResponseError:
             # If only the response was lost, a second request would be rejected.
             if self.state(node) != before:
                 return True
-            return self.call(ChangeState, service, request).success
+            return bool(self.call(ChangeState, service, request).success)
 
-    def state(self, node):
+    def state(self, node: str) -> str:
         """State of a lifecycle node, such as 'active'."""
-        return self.call(GetState, f'{node}/get_state', GetState.Request()).current_state.label
+        return str(
+            self.call(GetState, f'{node}/get_state', GetState.Request()).current_state.label
+        )
 
-    def set_parameter(self, node, name, value):
+    def set_parameter(self, node: str, name: str, value: Any) -> str:
         """Set a parameter of a running node.
 
         Returns
@@ -511,7 +538,7 @@ class Probe:
         result = self.call(SetParameters, f'{node}/set_parameters', request).results[0]
         return '' if result.successful else result.reason or 'refused without a reason'
 
-    def diagnostics(self, node):
+    def diagnostics(self, node: str) -> list[DiagnosticStatus]:
         """Entries of a node in `/diagnostics` so far, oldest first.
 
         Parameters
@@ -524,16 +551,17 @@ class Probe:
         list of diagnostic_msgs.msg.DiagnosticStatus
         """
         if self._statuses is None:
-            self._statuses = []
-            self.node.create_subscription(
-                DiagnosticArray,
-                '/diagnostics',
-                lambda array: self._statuses.extend(array.status),
-                QOS['reliable'],
-            )
+            statuses = self._statuses = []
+
+            def take(array: Any) -> None:
+                statuses.extend(array.status)
+
+            self.node.create_subscription(DiagnosticArray, '/diagnostics', take, QOS['reliable'])
         return [status for status in self._statuses if status.name == node]
 
-    def wait_for_diagnostic(self, node, text, timeout=HANG_TIMEOUT):
+    def wait_for_diagnostic(
+        self, node: str, text: str, timeout: float = HANG_TIMEOUT
+    ) -> DiagnosticStatus:
         """Wait until a node's message in `/diagnostics` contains a text.
 
         Parameters
@@ -548,7 +576,7 @@ class Probe:
             The newest entry with the text.
         """
 
-        def found():
+        def found() -> list[DiagnosticStatus]:
             return [status for status in self.diagnostics(node) if text in status.message]
 
         return self.wait_for(found, f'"{text}" in the diagnostics of {node}', timeout=timeout)[-1]

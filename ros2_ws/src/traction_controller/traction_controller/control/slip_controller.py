@@ -4,7 +4,7 @@
 evaluation and the node use the same class.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from types import SimpleNamespace
 from typing import Any
 
@@ -202,14 +202,14 @@ class SlipController:
                     f'set_point_low {p.set_point_low} is above set_point_high {p.set_point_high}'
                 )
 
-    def set_parameters(self, p: SimpleNamespace, names: Sequence[str]) -> None:
+    def set_parameters(self, p: SimpleNamespace, names: Collection[str]) -> None:
         """Apply parameters that can change at run time; torques continue without a jump.
 
         Parameters
         ----------
         p : SimpleNamespace
             Value of every parameter by its name, in its unit.
-        names : sequence of str
+        names : collection of str
             Parameters that were set. A target by topic stays in force until `slip_target` is set.
 
         Raises

@@ -4,6 +4,10 @@ A behaviour runs in a ROS 2 process or in lock step, see `traction_evaluation.re
 """
 
 import math
+from collections.abc import Collection, Sequence
+from enum import Enum
+from types import SimpleNamespace
+from typing import Any
 
 from traction_controller.control.driveline import DRIVEN_AXLES, Differential, Grouping
 from traction_controller.control.exit_reason import ExitReason
@@ -11,19 +15,20 @@ from traction_controller.control.laws.registry import LAWS
 from traction_controller.control.slip_control import SlipControl
 from traction_controller.control.slip_controller import SlipController
 from traction_controller.control.slip_state import SlipState
-from traction_controller.control.wheel_outcome import Degraded
+from traction_controller.control.wheel_outcome import Degraded, WheelOutcome
 from traction_controller.estimation.slip_filter import Source
 from traction_controller.synthesis.gain_schedule import ControlWeights
 from traction_node import diagnostic
 from traction_node.behaviour import Behaviour
-from traction_node.joints import JointOrder
+from traction_node.host import Host
+from traction_node.joints import JointOrder, Number
 from traction_node.parameter import NodeParameter
-from traction_node.stamp import between
+from traction_node.stamp import Stamp, between
 
 _WEIGHTS = ControlWeights()
 
 
-def _names(kind):
+def _names(kind: type[Enum]) -> tuple[str, ...]:
     """Names of the members of an enumeration, as values of a parameter."""
     return tuple(member.name.lower() for member in kind)
 
@@ -272,24 +277,25 @@ class SlipControllerBehaviour(Behaviour):
         ),
     )
 
-    def __init__(self, host):
+    def __init__(self, host: Host):
         super().__init__(host)
-        self._controller = None
+        self._configured = False
 
-    def check_parameters(self, p):
+    def check_parameters(self, p: SimpleNamespace) -> None:
         """Check that the vehicle can be loaded and the parameters suit it."""
         SlipController.check_parameters(p)
-        if self._controller is not None:
+        if self._configured:
             self._controller.control.prepare(p.law)
 
-    def parameters_changed(self, p, names):
+    def parameters_changed(self, p: SimpleNamespace, names: Collection[str]) -> None:
         """Apply changed parameters; the command continues without a jump."""
-        if self._controller is not None:
+        if self._configured:
             self._controller.set_parameters(p, names)
 
-    def configure(self):
+    def configure(self) -> None:
         """Construct the controller and the messages."""
         self._controller = SlipController.from_parameters(self.host.p)
+        self._configured = True
         if self._controller.lpv_refused:
             self.host.get_logger().info(
                 f'law lpv cannot be chosen: {self._controller.lpv_refused}'
@@ -326,28 +332,31 @@ class SlipControllerBehaviour(Behaviour):
         self.host.subscription('torque_request', self._on_request)
         self.host.subscription('slip_target', self._on_target)
 
-    def cleanup(self):
+    def cleanup(self) -> None:
         """Delete the controller."""
-        self._controller = None
+        self._configured = False
+        del self._controller
 
-    def _start_over(self):
+    def _start_over(self) -> None:
         self._controller.reset()
         # Times relative to the first stamp, since differences of small numbers are exact.
-        self._epoch = None
-        self._refused = {}
+        self._epoch: Stamp | None = None
+        self._refused: dict[str, str] = {}
 
-    def _time(self, stamp):
+    def _time(self, stamp: Stamp) -> float:
         """Time from the first stamp, s."""
         if self._epoch is None:
             self._epoch = stamp
         return between(self._epoch, stamp)
 
-    def activate(self):
+    def activate(self) -> None:
         """Start from the initial state."""
         self._start_over()
         self.host.set_diagnostic(diagnostic.WARN, 'waiting for slip_estimate')
 
-    def _take(self, what, names, values):
+    def _take(
+        self, what: str, names: Sequence[str], values: Sequence[Number]
+    ) -> list[Number] | None:
         """Values in wheel order; None with the reason in the diagnostics."""
         try:
             ordered = self._orders[what].values(names, values)
@@ -357,18 +366,18 @@ class SlipControllerBehaviour(Behaviour):
         self._refused.pop(what, None)
         return ordered
 
-    def _refuse(self, what, error):
+    def _refuse(self, what: str, error: ValueError | str) -> None:
         self._refused[what] = str(error)
         self.host.set_diagnostic(diagnostic.ERROR, 'refused: ' + '; '.join(self._refused.values()))
 
-    def _on_wheel_states(self, message):
+    def _on_wheel_states(self, message: Any) -> None:
         # Empty effort: the vehicle does not measure torque, which is no fault.
         torque = None
         if len(message.effort):
             torque = self._take('wheel_states effort', message.name, message.effort)
         self._controller.wheel_states(self._time(message.header.stamp), torque)
 
-    def _on_terrain(self, message):
+    def _on_terrain(self, message: Any) -> None:
         names = message.wheel_names
         valid = self._take('terrain_estimate valid', names, message.valid)
         stress = self._take('terrain_estimate max_shear_stress', names, message.max_shear_stress)
@@ -379,12 +388,12 @@ class SlipControllerBehaviour(Behaviour):
         moduli = [modulus.get(name, math.nan) for name in self._command.name]
         self._controller.terrain_estimate(self._time(message.header.stamp), stress, valid, moduli)
 
-    def _on_request(self, message):
+    def _on_request(self, message: Any) -> None:
         request = self._take('torque_request effort', message.name, message.effort)
         if request is not None:
             self._controller.torque_request(self.host.steady_time(), request)
 
-    def _on_target(self, message):
+    def _on_target(self, message: Any) -> None:
         try:
             self._controller.slip_target(message.data)
         except ValueError as error:
@@ -392,7 +401,7 @@ class SlipControllerBehaviour(Behaviour):
         else:
             self._refused.pop('slip_target', None)
 
-    def _slip_state(self, message):
+    def _slip_state(self, message: Any) -> SlipState | None:
         """Slip state of a message; None with the reason in the diagnostics."""
         names = message.wheel_names
         slips = self._take('slip_estimate slip', names, message.slip)
@@ -422,7 +431,7 @@ class SlipControllerBehaviour(Behaviour):
                 state.slip_deviation = [math.sqrt(max(variance, 0.0)) for variance in variances]
         return state
 
-    def _on_slip(self, message):
+    def _on_slip(self, message: Any) -> None:
         if not self.host.active:
             return
         slip_state = self._slip_state(message)
@@ -462,7 +471,9 @@ class SlipControllerBehaviour(Behaviour):
         if not self._refused:
             self._report_control(request, outcomes)
 
-    def _report_control(self, request, outcomes):
+    def _report_control(
+        self, request: Sequence[float] | None, outcomes: Sequence[WheelOutcome]
+    ) -> None:
         mode = self.host.p.mode
         if any(outcome.exit_reason is ExitReason.FUNCTION_FAULT for outcome in outcomes):
             said = 'control law failed: no torque until activated anew'
@@ -482,7 +493,7 @@ class SlipControllerBehaviour(Behaviour):
             )
 
 
-def main():
+def main() -> int:
     """Run the node."""
     from traction_node.run import run
 

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import can
+from rclpy.timer import Timer
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
@@ -397,7 +398,7 @@ class BusBench(_Bench):
                 },
             )
         )
-        self._pouring = None
+        self._pouring: Timer | None = None
         self.limits: list[float | None] = []
 
     def _listen(self, stack: contextlib.ExitStack) -> None:

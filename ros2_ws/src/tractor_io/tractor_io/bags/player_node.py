@@ -1,12 +1,15 @@
 """Node `bag_player`: publishes a bag's messages at the times they were recorded."""
 
 import threading
+from types import SimpleNamespace
 
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
 from traction_node.behaviour import Behaviour
 from traction_node.diagnostic import OK, WARN
+from traction_node.host import RosHost
 from traction_node.parameter import NodeParameter
 from traction_node.run import run
 from traction_node.subscribers import SubscriberWait
@@ -98,13 +101,14 @@ class BagPlayerBehaviour(Behaviour):
             read_only=True,
         ),
     )
+    host: RosHost
 
-    def check_parameters(self, p):
+    def check_parameters(self, p: SimpleNamespace) -> None:
         """Require a bag."""
         if not p.bag:
             raise ValueError('parameter "bag" must name a bag')
 
-    def configure(self):
+    def configure(self) -> None:
         """Open the bag and create the publishers."""
         p = self.host.p
         self._bag = BagReader(p.bag)
@@ -132,23 +136,23 @@ class BagPlayerBehaviour(Behaviour):
         if left_out:
             self.host.get_logger().info(said)
         self._outputs = {name: self._make_publisher(name) for name in sorted(names)}
-        self._clock_publisher = None
+        self._clock_publisher: Publisher | None = None
         if p.clock:
             self._clock_publisher = self.host.node.create_publisher(Clock, '/clock', 10)
 
-    def activate(self):
+    def activate(self) -> None:
         """Start to play."""
         self.host.steady_timer(1.0, self._update_diagnostic)
         self._thread = threading.Thread(target=self._play, name='player')
         self._thread.start()
 
-    def deactivate(self):
+    def deactivate(self) -> None:
         """End playing and close the bag."""
         self._stopping.set()
         self._thread.join()
         self._bag.close()
 
-    def _make_publisher(self, name):
+    def _make_publisher(self, name: str) -> Publisher:
         topic = self._bag.topics[name]
         try:
             kind = message_class(topic.type)
@@ -163,9 +167,10 @@ class BagPlayerBehaviour(Behaviour):
             qos.durability = DurabilityPolicy.TRANSIENT_LOCAL
             qos.depth = topic.qos.depth
         name = name if name in ABSOLUTE else name.lstrip('/')
-        return self.host.node.create_publisher(kind, name, qos)
+        publisher: Publisher = self.host.node.create_publisher(kind, name, qos)
+        return publisher
 
-    def _play(self):
+    def _play(self) -> None:
         reason = ''
         try:
             wait = SubscriberWait(self._outputs, self.host.p.wait_for_subscribers)
@@ -183,7 +188,7 @@ class BagPlayerBehaviour(Behaviour):
             reason = str(error)
         self.host.finish(reason)
 
-    def _play_once(self):
+    def _play_once(self) -> bool:
         """Play the bag from start to end; False when told to stop."""
         first = self._bag.start + round(self.host.p.start_offset * 1e9)
         # All due times are relative to this one reading of the clock, so they do not drift.
@@ -207,7 +212,7 @@ class BagPlayerBehaviour(Behaviour):
         # Wait for the end of the bag, also if the played topics end earlier.
         return self._wait_until(origin + (self._bag.end - first) * per_bag_time)
 
-    def _wait_until(self, due):
+    def _wait_until(self, due: float) -> bool:
         """Wait for a time of the steady clock; False when told to stop."""
         delay = due - self.host.steady_time()
         self._lag = max(0.0, -delay)
@@ -215,7 +220,7 @@ class BagPlayerBehaviour(Behaviour):
             return not self._stopping.wait(delay)
         return not self._stopping.is_set()
 
-    def _update_diagnostic(self):
+    def _update_diagnostic(self) -> None:
         late = self._lag > LAG
         self.host.set_diagnostic(
             WARN if late else OK,
@@ -228,6 +233,6 @@ class BagPlayerBehaviour(Behaviour):
         )
 
 
-def main():
+def main() -> int:
     """Entry point of the executable `bag_player`."""
     return run(BagPlayerBehaviour)

@@ -1,7 +1,11 @@
 """Node `bag_recorder`: writes the suite's topics into an MCAP bag."""
 
+from types import SimpleNamespace
+from typing import Any
+
 from rcl_interfaces.msg import ParameterEvent
 from rcl_interfaces.srv import GetParameters, ListParameters
+from rclpy.client import Client
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import (
@@ -11,9 +15,12 @@ from rclpy.qos import (
     ReliabilityPolicy,
     qos_profile_parameter_events,
 )
+from rclpy.subscription import Subscription
+from rclpy.task import Future
 
 from traction_node.behaviour import Behaviour
 from traction_node.diagnostic import OK, WARN
+from traction_node.host import RosHost
 from traction_node.parameter import NodeParameter
 from traction_node.quality_of_service import QOS, Qos
 from traction_node.run import run
@@ -62,8 +69,9 @@ class BagRecorderBehaviour(Behaviour):
             read_only=True,
         ),
     )
+    host: RosHost
 
-    def check_parameters(self, p):
+    def check_parameters(self, p: SimpleNamespace) -> None:
         """Require an output, and topics of the suite."""
         if not p.output:
             raise ValueError('parameter "output" must name a folder')
@@ -74,19 +82,20 @@ class BagRecorderBehaviour(Behaviour):
                     f'it has {", ".join(topics())}'
                 )
 
-    def activate(self):
+    def activate(self) -> None:
         """Create the bag and subscribe."""
         about = {'source': 'recorded by bag_recorder', **versions()}
-        self._writer = BagWriter(self.host.p.output, about)
+        # None once it has failed.
+        self._writer: BagWriter | None = BagWriter(self.host.p.output, about)
         # By node: count of searches and count at the next request; clients of open requests.
-        self._looks = {}
-        self._ask_at = {}
-        self._requests = {}
+        self._looks: dict[str, int] = {}
+        self._ask_at: dict[str, int] = {}
+        self._requests: dict[str, tuple[Client, Client]] = {}
         # By node: changes while recording; and custom data not yet written.
-        self._changes = {}
-        self._custom_data = {}
-        self._qos = {}
-        self._subscriptions_by_name = {}
+        self._changes: dict[str, list[dict[str, Any]]] = {}
+        self._custom_data: dict[str, str] = {}
+        self._qos: dict[str, QoSProfile] = {}
+        self._subscriptions_by_name: dict[str, Subscription] = {}
         names = topics() if ALL in self.host.p.topics else map(_table_name, self.host.p.topics)
         for name in dict.fromkeys(names):
             # Reliable as long as all publishers are: see _relax.
@@ -102,20 +111,20 @@ class BagRecorderBehaviour(Behaviour):
         self.host.steady_timer(ASK_PERIOD, self._request_parameters)
         self._update_diagnostic()
 
-    def deactivate(self):
+    def deactivate(self) -> None:
         """Finish the bag."""
         if self._writer is None:
             return
-        self._write_custom_data()
+        self._write_custom_data(self._writer)
         self._writer.close()
         self.host.get_logger().info(
             f'{self.host.p.output}: {sum(self._writer.counts.values())} messages recorded'
         )
 
-    def _subscribe(self, name):
+    def _subscribe(self, name: str) -> None:
         row = topic(name)
 
-        def take(data):
+        def take(data: bytes) -> None:
             self._write(name, subscription.topic_name, data)
 
         subscription = self.host.node.create_subscription(
@@ -130,7 +139,7 @@ class BagRecorderBehaviour(Behaviour):
         )
         self._subscriptions_by_name[name] = subscription
 
-    def _relax(self, name, info):
+    def _relax(self, name: str, info: Any) -> None:
         """Lower the requested quality of service to that of a publisher that offers less."""
         qos = self._qos[name]
         if info.last_policy_kind == QoSPolicyKind.RELIABILITY:
@@ -145,7 +154,7 @@ class BagRecorderBehaviour(Behaviour):
         self.host.node.destroy_subscription(self._subscriptions_by_name[name])
         self._subscribe(name)
 
-    def _write(self, name, full_name, data):
+    def _write(self, name: str, full_name: str, data: bytes) -> None:
         writer = self._writer
         if writer is None:
             return
@@ -154,17 +163,18 @@ class BagRecorderBehaviour(Behaviour):
                 writer.add_topic(full_name, topic(name).type, self._recorded_qos(name))
             writer.write(full_name, self.host.now(), data)
         except BagError as error:
-            self._give_up(error)
+            self._give_up(writer, error)
 
     # Parameters of other nodes: asynchronous requests, so that recording does not wait.
 
-    def _request_parameters(self):
-        if self._writer is None:
+    def _request_parameters(self) -> None:
+        writer = self._writer
+        if writer is None:
             return
         try:
-            self._write_custom_data()
+            self._write_custom_data(writer)
         except BagError as error:
-            self._give_up(error)
+            self._give_up(writer, error)
             return
         for name, namespace in self.host.node.get_node_names_and_namespaces():
             node = f'{namespace.rstrip("/")}/{name}'
@@ -187,7 +197,7 @@ class BagRecorderBehaviour(Behaviour):
                     lambda future, node=node: self._take_names(node, future)
                 )
 
-    def _take_names(self, node, future):
+    def _take_names(self, node: str, future: Future) -> None:
         if node not in self._requests or future.result() is None:
             return
         names = sorted(future.result().result.names)
@@ -195,7 +205,7 @@ class BagRecorderBehaviour(Behaviour):
             lambda answer: self._take_parameters(node, names, answer)
         )
 
-    def _take_parameters(self, node, names, future):
+    def _take_parameters(self, node: str, names: list[str], future: Future) -> None:
         # A node with a parameter without value sends an empty response.
         if (
             node not in self._requests
@@ -209,7 +219,7 @@ class BagRecorderBehaviour(Behaviour):
         self._looks[node] = MAX_LOOKS
         self._custom_data[f'parameters {node}'] = dump_plain_yaml(values, inline_lists=True)
 
-    def _note_changes(self, event):
+    def _note_changes(self, event: ParameterEvent) -> None:
         if not (event.changed_parameters and self._is_ours(event.node)):
             return
         time = event.stamp.sec + round(1e-9 * event.stamp.nanosec, 3)
@@ -220,35 +230,36 @@ class BagRecorderBehaviour(Behaviour):
         del changes[:-MAX_CHANGES]
         self._custom_data[f'changed {event.node}'] = dump_plain_yaml(changes, inline_lists=True)
 
-    def _write_custom_data(self):
+    def _write_custom_data(self, writer: BagWriter) -> None:
         """Write new custom data; seldom, because each record repeats all of it."""
         if self._custom_data:
-            self._writer.say(self._custom_data)
+            writer.say(self._custom_data)
             self._custom_data = {}
 
-    def _is_ours(self, node):
+    def _is_ours(self, node: str) -> bool:
         return node.startswith(self.host.node.get_namespace().rstrip('/') + '/')
 
-    def _close_requests(self, node):
+    def _close_requests(self, node: str) -> None:
         for client in self._requests.pop(node):
             self.host.node.destroy_client(client)
 
-    def _flush(self):
-        if self._writer is None:
+    def _flush(self) -> None:
+        writer = self._writer
+        if writer is None:
             return
         try:
-            self._writer.flush()
+            writer.flush()
         except BagError as error:
-            self._give_up(error)
+            self._give_up(writer, error)
 
-    def _give_up(self, error):
-        self._writer.abort()
+    def _give_up(self, writer: BagWriter, error: BagError) -> None:
+        writer.abort()
         self._writer = None
         self.host.finish(
             f'{error}; the bag ends without index: traction bag repair {self.host.p.output}'
         )
 
-    def _recorded_qos(self, name):
+    def _recorded_qos(self, name: str) -> Qos:
         qos = self._qos[name]
         return Qos(
             reliable=qos.reliability == ReliabilityPolicy.RELIABLE,
@@ -256,7 +267,7 @@ class BagRecorderBehaviour(Behaviour):
             depth=QOS[topic(name).qos].depth,
         )
 
-    def _update_diagnostic(self):
+    def _update_diagnostic(self) -> None:
         if self._writer is not None:
             counts = self._writer.counts
             self.host.set_diagnostic(
@@ -267,16 +278,16 @@ class BagRecorderBehaviour(Behaviour):
             )
 
 
-def _plain(value):
+def _plain(value: Any) -> Any:
     """Value of a parameter as plain YAML."""
     return value if value is None or isinstance(value, bool | int | float | str) else list(value)
 
 
-def _table_name(name):
+def _table_name(name: str) -> str:
     """Name of a topic in the suite's table, whether or not given with a leading slash."""
     return name if name in topics() else name.lstrip('/')
 
 
-def main():
+def main() -> int:
     """Entry point of the executable `bag_recorder`."""
     return run(BagRecorderBehaviour)

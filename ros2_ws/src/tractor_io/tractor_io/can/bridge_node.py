@@ -1,5 +1,11 @@
 """Node `can_bridge`: `wheel_states` and `radar` from the bus, `wheel_torque` to a torque limit."""
 
+from collections.abc import Collection
+from types import SimpleNamespace
+from typing import Any
+
+import can
+
 from traction_interfaces.msg import CanFrame, CanFrames
 from traction_node.behaviour import Behaviour
 from traction_node.joints import JointError, JointOrder
@@ -7,11 +13,11 @@ from traction_node.parameter import NodeParameter
 from traction_node.run import run
 from traction_node.stamp import to_stamp_exact
 from tractor_io.can.address_claim import AddressClaim, name_of
-from tractor_io.can.bus_link import REPORT_PERIOD, BusLink
+from tractor_io.can.bus_link import REPORT_PERIOD, BusLink, Report
 from tractor_io.can.drivetrain_parameters import DRIVETRAIN_PARAMETERS, make_drivetrain
 from tractor_io.can.interface import DEFAULT_PORT, INTERFACES, find_interface
 from tractor_io.can.j1939 import LAST_ADDRESS, Unknown
-from tractor_io.can.parameter_group import tractor_groups
+from tractor_io.can.parameter_group import Group, tractor_groups
 from tractor_io.can.torque_limit import PERIOD
 from tractor_io.can.vehicle_bus import VehicleBus
 
@@ -119,9 +125,8 @@ class CanBridgeBehaviour(Behaviour):
             read_only=True,
         ),
     )
-    _link = None
 
-    def check_parameters(self, p):
+    def check_parameters(self, p: SimpleNamespace) -> None:
         """Reject values that contradict each other."""
         try:
             find_interface(p.interface)
@@ -131,13 +136,13 @@ class CanBridgeBehaviour(Behaviour):
             raise ValueError(f'parameter "log": {p.log} is the log that is read')
         _make_bus(p)
 
-    def parameters_changed(self, p, names):
+    def parameters_changed(self, p: SimpleNamespace, names: Collection[str]) -> None:
         """Apply the engagement of the front axle."""
-        if self._link is not None:
+        if self.host.active:
             with self._link.locked() as bus:
                 bus.front_engaged = p.front_engaged
 
-    def configure(self):
+    def configure(self) -> None:
         """Create publishers and subscriptions."""
         host = self.host
         self._torques = JointOrder(host.p.wheel_names, 'wheel_torque effort', only=True)
@@ -151,10 +156,10 @@ class CanBridgeBehaviour(Behaviour):
         self._frames_publisher = host.publisher('can_frames')
         host.subscription('wheel_torque', self._on_torque)
 
-    def activate(self):
+    def activate(self) -> None:
         """Open the bus, claim an address and start to send the limit."""
         p = self.host.p
-        self._reported = None
+        self._reported: Report | None = None
         self._reported_at = 0.0
         self._bus = _make_bus(p)
         self._link = BusLink(
@@ -164,20 +169,19 @@ class CanBridgeBehaviour(Behaviour):
         self.host.steady_timer(PERIOD, self._work)
         self.host.steady_timer(FRAMES_PERIOD, self._publish_frames)
 
-    def deactivate(self):
+    def deactivate(self) -> None:
         """Release the engine and close the bus."""
         self._link.close()
-        self._link = None
 
     # Called in the receiving thread
 
-    def _on_group(self, group, now):
+    def _on_group(self, group: Group, now: float) -> None:
         if group.name == 'HRW':
             self._publish_wheels(now)
         elif group.name == 'GBSD':
             self._publish_radar(now)
 
-    def _publish_wheels(self, now):
+    def _publish_wheels(self, now: float) -> None:
         speeds, torques = self._bus.wheel_speeds(now), self._bus.shaft_torques(now)
         known = [j for j, speed in enumerate(speeds) if not isinstance(speed, Unknown)]
         if not known:
@@ -189,7 +193,7 @@ class CanBridgeBehaviour(Behaviour):
         message.effort = [] if torques is None else [float(torques[j]) for j in known]
         self._wheels_publisher.publish(message)
 
-    def _publish_radar(self, now):
+    def _publish_radar(self, now: float) -> None:
         speed = self._bus.ground_speed(now)
         if isinstance(speed, Unknown):
             return
@@ -199,8 +203,8 @@ class CanBridgeBehaviour(Behaviour):
 
     # Called in the executor
 
-    def _on_torque(self, message):
-        if not self.host.active or self._link is None:
+    def _on_torque(self, message: Any) -> None:
+        if not self.host.active:
             return
         with self._link.locked() as bus:
             try:
@@ -209,17 +213,17 @@ class CanBridgeBehaviour(Behaviour):
             except JointError:
                 self._link.counts['bad_torques'] += 1
 
-    def _work(self):
+    def _work(self) -> None:
         self._link.send_due()
         self._update_diagnostic()
 
-    def _publish_frames(self):
+    def _publish_frames(self) -> None:
         raw, missed = self._link.take_raw()
         if (raw or missed) and self._frames_publisher.get_subscription_count():
             frames = [_raw_frame(time, message) for time, message in raw]
             self._frames_publisher.publish(CanFrames(frames=frames, missed=missed))
 
-    def _update_diagnostic(self):
+    def _update_diagnostic(self) -> None:
         now = self.host.steady_time()
         report = self._link.report()
         if report == self._reported and now - self._reported_at < REPORT_PERIOD:
@@ -233,10 +237,12 @@ class CanBridgeBehaviour(Behaviour):
             limit = round(bus.limit(now), 3) if bus.claim.usable else 'none sent'
             refused = {f'refused_{name}': count for name, count in bus.watch.refused.items()}
             counts = dict(self._link.counts)
-        self.host.set_diagnostic(*report, limit=limit, **status, **counts, **refused)
+        self.host.set_diagnostic(
+            report.level, report.text, limit=limit, **status, **counts, **refused
+        )
 
 
-def _raw_frame(time, message):
+def _raw_frame(time: int, message: can.Message) -> CanFrame:
     data = bytes(message.data)[:8]
     raw = CanFrame(
         id=message.arbitration_id,
@@ -250,7 +256,7 @@ def _raw_frame(time, message):
     return raw
 
 
-def _make_bus(p):
+def _make_bus(p: SimpleNamespace) -> VehicleBus:
     sources = {}
     for entry in p.sources:
         if entry == 'any':
@@ -274,6 +280,6 @@ def _make_bus(p):
     )
 
 
-def main():
+def main() -> int:
     """Entry point of the executable `can_bridge`."""
     return run(CanBridgeBehaviour)

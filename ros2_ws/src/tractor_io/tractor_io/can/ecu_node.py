@@ -1,6 +1,9 @@
 """Node `tractor_ecu`: a simulated tractor on a CAN bus."""
 
 import math
+from collections.abc import Collection
+from types import SimpleNamespace
+from typing import Any
 
 import can
 
@@ -51,15 +54,15 @@ class TractorEcuBehaviour(Behaviour):
         *DRIVETRAIN_PARAMETERS,
     )
 
-    def check_parameters(self, p):
+    def check_parameters(self, p: SimpleNamespace) -> None:
         """Reject values that contradict each other."""
         make_drivetrain(p)
 
-    def parameters_changed(self, p, names):
+    def parameters_changed(self, p: SimpleNamespace, names: Collection[str]) -> None:
         """Apply the engagement of the front axle."""
         self._ecu.front_engaged = p.front_engaged
 
-    def configure(self):
+    def configure(self) -> None:
         """Open the bus and subscribe to plant and driver."""
         self._ecu = TractorEcu(
             tractor_groups(),
@@ -80,22 +83,22 @@ class TractorEcuBehaviour(Behaviour):
         self.host.subscription('wheel_states', self._on_wheel_states)
         self.host.set_diagnostic(OK, 'waiting for the tractor')
 
-    def deactivate(self):
+    def deactivate(self) -> None:
         """Close the bus."""
         self._can.shutdown()
 
-    def _on_radar(self, message):
+    def _on_radar(self, message: Any) -> None:
         v = message.twist.twist.linear.x
         if math.isfinite(v):
             self._ecu.ground_speed(v)
 
-    def _on_request(self, message):
+    def _on_request(self, message: Any) -> None:
         try:
             self._ecu.ask(self._requests.values(message.name, message.effort))
         except JointError as error:
             self.host.set_diagnostic(WARN, str(error))
 
-    def _on_wheel_states(self, message):
+    def _on_wheel_states(self, message: Any) -> None:
         try:
             speeds = self._speeds.values(message.name, message.velocity)
             efforts = self._efforts.values(message.name, message.effort)
@@ -129,6 +132,6 @@ class TractorEcuBehaviour(Behaviour):
         )
 
 
-def main():
+def main() -> int:
     """Entry point of the executable `tractor_ecu`."""
     return run(TractorEcuBehaviour)
