@@ -39,6 +39,7 @@ from traction_model.soil.soil import load_soil
 from traction_model.soil.terrain import load_terrain
 from traction_model.vehicle.vehicle import load_vehicle
 from traction_node.joints import JointError, JointOrder
+from traction_node.parameter_file import read_entries
 from tractor_io.bags.bag_error import BagError
 from tractor_io.bags.csv_import import CsvImportError, CsvMap, find_map, import_csv
 from tractor_io.bags.message_types import typestore
@@ -576,7 +577,15 @@ BOMBS = {
 
 @pytest.mark.parametrize('bomb', BOMBS)
 @pytest.mark.parametrize(
-    'use', [load_vehicle, read_sweep, read_gain_table, CsvMap, lambda path: load_soil(f'{path}:a')]
+    'use',
+    [
+        load_vehicle,
+        read_sweep,
+        read_gain_table,
+        CsvMap,
+        read_entries,
+        lambda path: load_soil(f'{path}:a'),
+    ],
 )
 def test_yaml_bombs_are_refused(tmp_path, bomb, use):
     path = tmp_path / 'bomb.yaml'

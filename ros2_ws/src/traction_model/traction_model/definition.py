@@ -5,22 +5,11 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, TypeVar
 
-import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from traction_node import bounded_yaml
+from traction_node.bounded_yaml import BoundedYamlError
 from traction_node.closest import closest
-
-LONGEST_TEXT = 16 * 1024 * 1024
-"""Limit of the length of a file, characters."""
-
-LONGEST_SCALAR = 3000
-"""Limit of an unquoted value, characters: Python cannot print longer integers."""
-
-DEEPEST = 32
-"""Limit of the nesting of lists and mappings, levels."""
-
-MAX_VALUES = 1_000_000
-"""Limit of the number of values of a file, with aliases expanded."""
 
 LONGEST = 60
 """Number of characters of a wrong value shown in an error."""
@@ -36,36 +25,6 @@ class Definition(BaseModel):
     """Base class of soils, wheels and vehicles: frozen, no unknown keys, no NaN or infinity."""
 
     model_config = ConfigDict(frozen=True, extra='forbid', allow_inf_nan=False)
-
-
-def read_text(path: Path) -> str:
-    """Read a text file.
-
-    Parameters
-    ----------
-    path : Path
-        File to read, UTF-8, with or without a byte order mark.
-
-    Returns
-    -------
-    str
-        The text.
-
-    Raises
-    ------
-    DefinitionError
-        If the file is missing, is not text or too long.
-    """
-    try:
-        with path.open(encoding='utf-8-sig') as file:
-            text = file.read(LONGEST_TEXT + 1)
-    except OSError as error:
-        raise DefinitionError(f'{path}: {error.strerror}') from error
-    except UnicodeDecodeError as error:
-        raise DefinitionError(f'{path}: not text: {error}') from error
-    if len(text) > LONGEST_TEXT:
-        raise DefinitionError(f'{path}: more than {LONGEST_TEXT} characters')
-    return text
 
 
 def read_yaml(path: Path, kind: type = dict) -> Any:
@@ -89,62 +48,13 @@ def read_yaml(path: Path, kind: type = dict) -> Any:
         If the file is missing, is not YAML, or has another type.
     """
     try:
-        # C parser if available, since gain tables have tens of thousands of numbers.
-        loader = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
-        text = read_text(path)
-        _check_limits(path, text, loader)
-        content = yaml.load(text, loader)
-    except DefinitionError:
-        raise
-    except yaml.YAMLError as error:
-        raise DefinitionError(f'{path}: not valid YAML: {error}') from error
-    except Exception as error:
-        # A value that does not suit its tag raises KeyError, IndexError and others.
-        raise DefinitionError(
-            f'{path}: not valid YAML: a value cannot be read: {error!r}'
-        ) from error
+        content = bounded_yaml.read_yaml(path)
+    except BoundedYamlError as error:
+        raise DefinitionError(str(error)) from error
     if not isinstance(content, kind):
         wanted = 'mapping' if kind is dict else kind.__name__
         raise DefinitionError(f'{path}: expected a {wanted}, found {type(content).__name__}')
     return content
-
-
-def _check_limits(path: Path, text: str, loader: Any) -> None:
-    """Check the parser's events one by one, before objects are built.
-
-    Aliases count with the size of their content: nested aliases expand without limit, and an alias
-    within itself never ends.
-    """
-    sizes: dict[str, int | None] = {}
-    # Anchor of every enclosing list and mapping, and number of values before it.
-    around: list[tuple[str | None, int]] = []
-    count = 0
-    for event in yaml.parse(text, loader):
-        where = f'{path}: line {event.start_mark.line + 1 if event.start_mark else "?"}'
-        if isinstance(event, yaml.AliasEvent):
-            size = sizes.get(event.anchor or '', 1)
-            if size is None:
-                raise DefinitionError(f'{where}: *{event.anchor} stands within itself')
-            count += size
-        elif isinstance(event, yaml.ScalarEvent):
-            if event.style in (None, '') and len(event.value) > LONGEST_SCALAR:
-                raise DefinitionError(f'{where}: value of more than {LONGEST_SCALAR} characters')
-            count += 1
-            if event.anchor:
-                sizes[event.anchor] = 1
-        elif isinstance(event, yaml.CollectionStartEvent):
-            around.append((event.anchor, count))
-            count += 1
-            if event.anchor:
-                sizes[event.anchor] = None
-            if len(around) > DEEPEST:
-                raise DefinitionError(f'{where}: nested deeper than {DEEPEST} levels')
-        elif isinstance(event, yaml.CollectionEndEvent):
-            anchor, before = around.pop()
-            if anchor:
-                sizes[anchor] = count - before
-        if count > MAX_VALUES:
-            raise DefinitionError(f'{where}: more than {MAX_VALUES} values')
 
 
 def build(model: type[Model], content: Any, where: str) -> Model:

@@ -8,6 +8,8 @@ from typing import Any
 import yaml
 from ament_index_python.packages import get_package_share_directory
 
+from traction_node.bounded_yaml import load_yaml, read_yaml
+
 Entry = tuple[str, dict[str, Any]]
 """Pattern of node names with namespace, such as '/**/torque_gate', and its parameters."""
 
@@ -75,13 +77,10 @@ def parse(text: str) -> Any:
 
     Raises
     ------
-    ValueError
-        If it is not YAML; the text is one line.
+    BoundedYamlError
+        If it cannot be read; the text is one line.
     """
-    try:
-        return yaml.load(text, _Loader)
-    except yaml.YAMLError as error:
-        raise ValueError(' '.join(str(error).split())) from error
+    return load_yaml(text, _Loader)
 
 
 def read_entries(path: Path | str) -> list[Entry]:
@@ -103,12 +102,11 @@ def read_entries(path: Path | str) -> list[Entry]:
     ValueError
         If it is no parameter file; the text has its path.
     """
+    content = read_yaml(path, _Loader)
     try:
-        content = parse(Path(path).read_text(encoding='utf-8'))
         return list(_entries('', content))
-    except (OSError, ValueError) as error:
-        said = error.strerror if isinstance(error, OSError) else error
-        raise ValueError(f'{path}: {said}') from error
+    except ValueError as error:
+        raise ValueError(f'{path}: {error}') from error
 
 
 def _entries(prefix: str, content: object) -> Iterator[Entry]:

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from traction_model.definition import Definition, DefinitionError, build, read_text, read_yaml
+from traction_model.definition import Definition, DefinitionError, build, read_yaml
 from traction_model.kernel import inlined
 from traction_model.soil.soil import Soil, load_soil
 from traction_model.vehicle.wheel import Wheel
+from traction_node.bounded_yaml import BoundedYamlError, read_text
 
 STEEPEST = math.pi / 4
 """Steepest grade, rad."""
@@ -168,7 +169,11 @@ def load_terrain(path: str | Path) -> Terrain:
 
 
 def _csv_rows(path: Path) -> list[tuple[str, dict[str, Any]]]:
-    rows = csv.DictReader(read_text(path).splitlines(), restkey='more')
+    try:
+        text = read_text(path)
+    except BoundedYamlError as error:
+        raise DefinitionError(str(error)) from error
+    rows = csv.DictReader(text.splitlines(), restkey='more')
     return [
         # An empty cell counts as missing.
         (f'{path}: line {rows.line_num}', {key: value for key, value in row.items() if value})

@@ -6,9 +6,10 @@ from typing import Any
 from rosbags.interfaces import Qos as RosbagsQos
 from rosbags.interfaces import QosDurability, QosReliability
 
+from traction_node.bounded_yaml import load_yaml
 from traction_node.quality_of_service import Qos
 from tractor_io.bags.mcap_limits import whole_number
-from tractor_io.bags.plain_yaml import dump_plain_yaml, load_plain_yaml
+from tractor_io.bags.plain_yaml import dump_plain_yaml
 
 # RMW_DURATION_INFINITE: how rosbag2 writes a deadline, lifespan or lease that is not set.
 INFINITE = {'sec': 9223372036, 'nsec': 854775807}
@@ -100,7 +101,7 @@ def from_channel(metadata: Mapping[str, str]) -> Qos:
         The default one where it cannot be read.
     """
     try:
-        (profile, *_) = load_plain_yaml(metadata.get(CHANNEL_KEY, '')) or [{}]
+        (profile, *_) = load_yaml(metadata.get(CHANNEL_KEY, '')) or [{}]
         return Qos(
             reliable=profile.get('reliability', 'reliable') != 'best_effort',
             latched=profile.get('durability') == 'transient_local',

@@ -13,12 +13,12 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import get_types_from_idl, get_types_from_msg
 from rosbags.typesys.store import Typestore
 
+from traction_node.bounded_yaml import load_yaml, read_yaml
 from traction_node.quality_of_service import Qos
 from tractor_io.bags.bag_error import BagError
 from tractor_io.bags.mcap_limits import LARGEST_RECORD, BoundedFile, limit_rosbags, whole_number
 from tractor_io.bags.message_types import MessageDefinition, known_definition, typestore
 from tractor_io.bags.offered_qos import common_qos
-from tractor_io.bags.plain_yaml import LONGEST_TEXT, load_plain_yaml
 
 MAX_HELD = 512 * 1024 * 1024
 """Limit of the chunks whose times overlap, bytes: sorting holds all of them in memory."""
@@ -134,8 +134,7 @@ class BagReader:
 
     def _check_metadata(self) -> None:
         """Check metadata.yaml against the limits before rosbags reads it."""
-        with (self.path / 'metadata.yaml').open(encoding='utf-8') as file:
-            load_plain_yaml(file.read(LONGEST_TEXT + 1))
+        read_yaml(self.path / 'metadata.yaml')
 
     def __enter__(self) -> Self:
         return self
@@ -302,7 +301,7 @@ class BagReader:
                 reader = SeekingReader(bounded, record_size_limit=LARGEST_RECORD)
                 for record in reader.iter_metadata():
                     if record.name == 'rosbag2':
-                        metadata = load_plain_yaml(record.metadata['serialized_metadata'])
+                        metadata = load_yaml(record.metadata['serialized_metadata'])
                         return _texts(metadata.get('custom_data'))
         return {}
 
