@@ -11,7 +11,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from rosbags.interfaces import Nodetype
 from rosbags.typesys.store import Typestore
 
 from traction_node import diagnostic
@@ -20,14 +19,7 @@ from traction_node.host import Logger
 from traction_node.parameter import resolve
 from traction_node.stamp import to_stamp_exact
 from traction_node.topics import topic
-
-_DTYPES: dict[str, np.dtype[Any]] = {
-    name: np.dtype(name)
-    for name in (
-        'bool', 'int8', 'uint8', 'int16', 'uint16', 'int32', 'uint32', 'int64', 'uint64',
-        'float32', 'float64',
-    )
-}  # fmt: skip
+from tractor_io.bags.message_types import zero_message
 
 
 class LockStep:
@@ -138,38 +130,20 @@ class LockStep:
         step = round(period * 1e9)
         self._timers.append([self.now + step, step, callback])
 
-    def message(self, type_name: str) -> SimpleNamespace:
+    def message(self, type_name: str) -> Any:
         """Message of a type, all zero."""
-        constants, fields = self._types.fielddefs[type_name]
-        return SimpleNamespace(
-            **{name: value for name, _, value in constants},
-            **{name: self._zero(kind) for name, kind in fields},
-        )
-
-    def _zero(self, kind: Any) -> Any:
-        sort, payload = kind
-        if sort == Nodetype.NAME:
-            return self.message(payload)
-        if sort == Nodetype.SEQUENCE:
-            return []
-        if sort == Nodetype.ARRAY:
-            (_, inner), length = payload
-            return np.zeros(length, _DTYPES[inner[0]])
-        if payload[0] == 'string':
-            return ''
-        return np.zeros((), _DTYPES.get(payload[0], 'uint8')).item()
+        return zero_message(self._types, type_name)
 
     def publisher(self, name: str) -> Callable[[Any], None]:
         """Function that publishes to a topic of the suite: record, then deliver."""
         type_name = topic(name).type
         full_name = f'/{name.lstrip("/")}'
         # Sequences of numbers are lists in behaviours and arrays in serialization.
-        sequences = []
-        for field, (sort, payload) in self._types.fielddefs[type_name][1]:
-            if sort == Nodetype.SEQUENCE and payload[0][0] == Nodetype.BASE:
-                dtype = _DTYPES.get(payload[0][1][0])
-                if dtype is not None:
-                    sequences.append((field, dtype))
+        sequences = [
+            (name, value.dtype)
+            for name, value in vars(self.message(type_name)).items()
+            if isinstance(value, np.ndarray) and not value.size
+        ]
 
         def publish(message: Any) -> None:
             fields = dict(vars(message))
@@ -240,7 +214,7 @@ class LockStepHost:
         """Present message of its diagnostics."""
         return self._diagnostic.message
 
-    def message(self, name: str) -> SimpleNamespace:
+    def message(self, name: str) -> Any:
         """New message of a topic, all fields zero or empty."""
         return self._lockstep.message(topic(name).type)
 

@@ -16,16 +16,15 @@ from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import Any, NamedTuple, TextIO
 
-import numpy as np
 from ament_index_python.packages import get_package_share_directory
 from rosbags.interfaces import Nodetype
 
+from traction_node.bounded_yaml import BoundedYamlError, read_yaml
 from traction_node.closest import closest
 from traction_node.quality_of_service import QOS
 from traction_node.topics import topics as suite_topics
 from tractor_io.bags.bag_error import BagError
-from tractor_io.bags.message_types import typestore
-from tractor_io.bags.plain_yaml import LONGEST_TEXT, PlainYamlError, load_plain_yaml
+from tractor_io.bags.message_types import typestore, zero_list, zero_message
 from tractor_io.bags.writer import BagWriter
 
 LONGEST_LINE = 64 * 1024
@@ -232,15 +231,9 @@ class CsvMap:
 
     def _read(self) -> Any:
         try:
-            with self.path.open(encoding='utf-8-sig') as file:
-                text = file.read(LONGEST_TEXT + 1)
-            return load_plain_yaml(text)
-        except OSError as error:
-            raise CsvImportError(f'{self.path}: {error.strerror or error}') from error
-        except UnicodeDecodeError as error:
-            raise CsvImportError(f'{self.path}: not text: {error}') from error
-        except PlainYamlError as error:
-            raise CsvImportError(f'{self.path}: {error}') from error
+            return read_yaml(self.path)
+        except BoundedYamlError as error:
+            raise CsvImportError(str(error)) from error
 
     def _fault(self, key: str, reason: str) -> CsvImportError:
         return CsvImportError(f'{self.path}: {key + ": " if key else ""}{reason}')
@@ -340,7 +333,7 @@ class CsvMap:
         CsvImportError
             If the message has no such field, or a value does not fit it.
         """
-        message = self._blank(self.topics[topic])
+        message = zero_message(self._store, self.topics[topic])
         if hasattr(message, 'header'):
             message.header.frame_id = self._frames[topic]
         elif self._frames[topic]:
@@ -360,26 +353,6 @@ class CsvMap:
     def _fields_of(self, kind: str) -> Any:
         return self._store.fielddefs[kind][1]
 
-    def _blank(self, kind: str) -> Any:
-        """A message with zeros and empty texts and lists."""
-        values = {}
-        for name, (node, detail) in self._fields_of(kind):
-            if node is Nodetype.BASE:
-                values[name] = _BLANK.get(detail[0], 0)
-            elif node is Nodetype.NAME:
-                values[name] = self._blank(detail)
-            else:
-                (inner, element), length = detail
-                length = length if node is Nodetype.ARRAY else 0
-                if inner is Nodetype.BASE and element[0] != 'string':
-                    values[name] = np.zeros(length, dtype=_DTYPES.get(element[0], element[0]))
-                else:
-                    make = (lambda: '') if inner is Nodetype.BASE else (
-                        lambda element=element: self._blank(element)
-                    )  # fmt: skip
-                    values[name] = [make() for _ in range(length)]
-        return self._store.types[kind](**values)
-
     def _fill(self, message: Any, topic: str, path: Any, value: Any, cells: list[_Cell]) -> None:
         """Set a field to its constant, or note the cells that fill it."""
         key = f'{topic}.fields.{_plain(path)}'
@@ -394,20 +367,20 @@ class CsvMap:
             fields = (part for part, _ in self._fields_of(detail))
             raise self._fault(key, f'is a message itself, of {", ".join(fields)}')
         else:
-            (inner, element), length = detail
-            if inner is not Nodetype.BASE:
+            element, length = detail
+            if element[0] is not Nodetype.BASE:
                 raise self._fault(key, 'is a list of messages, which no column can fill')
             if index is not None:
                 if node is not Nodetype.ARRAY or index >= length:
                     raise self._fault(key, f'has no element {index}')
                 self._place(
-                    getattr(parent, name), index, element[0], value, key, path, _NO_WHEEL, cells
+                    getattr(parent, name), index, element[1][0], value, key, path, _NO_WHEEL, cells
                 )
                 return
-            self._fill_list(parent, name, node, element[0], length, value, key, path, cells)
+            self._fill_list(parent, name, node, element, length, value, key, path, cells)
 
     def _fill_list(
-        self, parent: Any, name: str, node: Any, kind: str, length: int, value: Any,
+        self, parent: Any, name: str, node: Any, element: Any, length: int, value: Any,
         key: str, path: str, cells: list[_Cell],
     ) -> None:  # fmt: skip
         """Fill a list field: one value for all elements, or one for each."""
@@ -419,15 +392,11 @@ class CsvMap:
             raise self._fault(key, f'{len(each)} values for {count} {what}')
         if not each:
             raise self._fault(key, 'must have a list of values, or wheel_names be given')
-        blank: Any = (
-            [''] * len(each)
-            if kind == 'string'
-            else np.zeros(len(each), dtype=_DTYPES.get(kind, kind))
-        )
-        setattr(parent, name, blank)
+        filled = zero_list(self._store, element, len(each))
+        setattr(parent, name, filled)
         for k, one in enumerate(each):
             wheel = k if of_wheels else _NO_WHEEL
-            self._place(blank, k, kind, one, key, path, wheel, cells)
+            self._place(filled, k, element[1][0], one, key, path, wheel, cells)
 
     def _find(
         self, message: Any, topic: str, path: str, key: str
@@ -567,12 +536,6 @@ class CsvMap:
                 f'{LAST_SECOND} s: set `start` of `time`'
             )
         return int((seconds * 1_000_000_000).to_integral_value())
-
-
-_BLANK: dict[str, Any] = {
-    'string': '', 'bool': False, 'float32': 0.0, 'float64': 0.0,
-}  # fmt: skip
-_DTYPES = {'bool': np.bool_, 'byte': np.uint8, 'char': np.uint8}
 
 
 def find_map(name: str) -> Path:

@@ -2,9 +2,11 @@
 
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import numpy as np
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
+from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
@@ -101,3 +103,60 @@ def known_definition(
         raise BagError(f'{what} has unknown type {message_type}')
     text, _ = store.generate_msgdef(message_type, ros_version=2)
     return MessageDefinition(message_type, 'ros2msg', text, store.hash_rihs01(message_type))
+
+
+def zero_message(types: Typestore, message_type: str) -> Any:
+    """Message with zeros and with empty texts and lists.
+
+    Parameters
+    ----------
+    types : Typestore
+        Message types.
+    message_type : str
+        One of these, such as ``sensor_msgs/msg/JointState``.
+
+    Returns
+    -------
+    object
+        Of the class of the type.
+    """
+    fields = types.fielddefs[message_type][1]
+    return types.types[message_type](**{name: _zero(types, kind) for name, kind in fields})
+
+
+def zero_list(types: Typestore, element: Any, length: int) -> Any:
+    """Elements of a list in a message, each zero or empty.
+
+    Parameters
+    ----------
+    types : Typestore
+        Message types.
+    element : tuple
+        Kind of an element, as `rosbags` describes it.
+    length : int
+        Number of elements, at least 0.
+
+    Returns
+    -------
+    ndarray, shape (length,), or list
+        An array of numbers; a list of texts or messages.
+    """
+    node, detail = element
+    if node is Nodetype.BASE and detail[0] != 'string':
+        return np.zeros(length, _dtype(detail[0]))
+    return [_zero(types, element) for _ in range(length)]
+
+
+def _zero(types: Typestore, kind: Any) -> Any:
+    node, detail = kind
+    if node is Nodetype.NAME:
+        return zero_message(types, detail)
+    if node is Nodetype.BASE:
+        return '' if detail[0] == 'string' else np.zeros((), _dtype(detail[0])).item()
+    element, length = detail
+    return zero_list(types, element, length if node is Nodetype.ARRAY else 0)
+
+
+def _dtype(base: str) -> np.dtype[Any]:
+    """Type of an array of a base type of ROS."""
+    return np.dtype('uint8' if base in ('byte', 'char', 'octet') else base)
