@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import yaml
 
 from traction_controller.estimation.immobilisation import Level
 from traction_controller.estimation.slip_filter import SlipFilter, Source
@@ -96,14 +97,6 @@ def test_slip_is_the_filters_with_the_same_parameters():
             'source', 'gross_traction', 'slip_stiffness',
         ):  # fmt: skip
             assert np.array_equal(getattr(whole, name), getattr(alone, name)), name
-
-
-def test_definitions_may_stand_for_those_that_are_named():
-    heavy = RIG.model_copy(update={'chassis_mass': 2 * RIG.chassis_mass})
-    built = VehicleEstimator.from_parameters(parameters(), heavy, load_soil(CLAY))
-    named = VehicleEstimator.from_parameters(parameters(soil=CLAY), heavy)
-    assert built.vehicle is heavy
-    assert np.array_equal(built.slip_filter.max_shear_stress, named.slip_filter.max_shear_stress)
 
 
 @pytest.mark.parametrize(
@@ -305,17 +298,18 @@ def test_jump_of_positions_is_refused_and_said(drive):
     assert estimator.health == (Health.WARN, 'gnss has jumped: refused')
 
 
-def test_calibrated_radius_is_what_slip_is_computed_with():
+def test_calibrated_radius_is_what_slip_is_computed_with(tmp_path):
     # 6 % more in the file than the 0.5 m that really roll, hardly pulling on firm ground at 3 m/s.
     axle = RIG.axles[0].model_copy(
         update={'wheel': WHEEL.model_copy(update={'radius': 1.06 * 0.5})}
     )
-    larger = RIG.model_copy(update={'axles': (axle,)})
+    path = tmp_path / 'larger.yaml'
+    path.write_text(
+        yaml.safe_dump(RIG.model_copy(update={'axles': (axle,)}).model_dump(mode='json'))
+    )
     found = {}
     for calibrate in (False, True):
-        built = VehicleEstimator.from_parameters(
-            parameters(soil=CLAY, calibrate_radius=calibrate), larger
-        )
+        built = estimator(vehicle=str(path), soil=CLAY, calibrate_radius=calibrate)
         drive = Drive(built, omega=6.0, torque=torque_for(load_soil(CLAY), 0.003), v=3.0)
         for k in range(600):
             drive.step()
@@ -355,10 +349,8 @@ def test_warning_is_said_before_the_vehicle_stands(drive):
 
 
 def test_yaw_comes_from_the_rear_wheels():
-    built = VehicleEstimator.from_parameters(
-        parameters(
-            vehicle='tractor_4wd', soil='sandy_loam_chrono', track_width=1.8, stuck_time=0.0
-        )
+    built = estimator(
+        vehicle='tractor_4wd', soil='sandy_loam_chrono', track_width=1.8, stuck_time=0.0
     )
     # Rear rims of 0.85 m at 1.95 and 2.05 m/s.
     omega = [2.0 / 0.65, 2.0 / 0.65, 1.95 / 0.85, 2.05 / 0.85]

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from traction_controller.estimation.slip_filter import GUESSED_SOIL, SlipFilter
+from traction_controller.estimation.slip_filter import EstimatorNoise, SlipFilter
 from traction_evaluation.closed_loop.trial import steady_pull
 from traction_evaluation.verification import chrono_bags as make_bags
 from traction_model.simulation.sensors import Tachometer
@@ -16,6 +16,9 @@ from traction_model.vehicle.vehicle import load_vehicle
 RADAR_SIGMA = 0.05  # m/s, as in bags/README.md
 
 METHODS = ['ekf', 'ukf', 'scheduled_gain']
+
+# tau_max, K and n of the nominal soil unknown by 50 %.
+GUESSED_SOIL = EstimatorNoise(strength=0.3, nominal=1.0, soil=0.03)
 
 
 def replay(chrono, name, silent=(math.inf, math.inf), method='ukf'):

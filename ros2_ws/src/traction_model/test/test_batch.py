@@ -61,7 +61,7 @@ def test_what_is_given_once_counts_for_all_and_every_nth_sample_is_kept():
         run = simulate(RIG, soil, torques(1), DT, v0=1.0)
         assert batch.t == pytest.approx(run.t[::8])
         assert batch.sinkage[b] == pytest.approx(run.sinkage[::8], rel=1e-9)
-        assert batch.moment[b] == pytest.approx(run.moment[::8], rel=1e-9)
+        assert batch.soil_moment[b] == pytest.approx(run.soil_moment[::8], rel=1e-9)
 
 
 ON_GPU = """

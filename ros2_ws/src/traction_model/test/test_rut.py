@@ -237,7 +237,7 @@ def test_rear_wheels_need_less_effort_in_ruts():
     )  # fmt: skip
     # Both start on fresh soil; the rear wheels reach the ruts after 2.4 m.
     assert ruts.v[100] == pytest.approx(fresh.v[100], rel=1e-3)
-    resistance = [run.resistance[-100:, 2:].mean() / run.load[-100:, 2:].mean()
+    resistance = [run.motion_resistance[-100:, 2:].mean() / run.load[-100:, 2:].mean()
                   for run in (ruts, fresh)]  # fmt: skip
     # They are wider and heavier than the front wheels, so that they yield again.
     assert resistance[0] < 0.95 * resistance[1]
@@ -254,7 +254,7 @@ def test_reversing_leads_back_into_ones_own_rut():
     assert back.any()
     assert there.any()
     # Pressed before, it takes less to roll over it.
-    assert np.abs(run.resistance[back]).mean() < 0.7 * run.resistance[there].mean()
+    assert np.abs(run.motion_resistance[back]).mean() < 0.7 * run.motion_resistance[there].mean()
     assert run.x[-1] < 0.0
 
 

@@ -178,8 +178,8 @@ def test_given_sinkage_carries_the_weight():
     free = contact(2, 1.0, 2.5, 0.1, 0.02, SAND.packed(RIG.wheels[0]), 0.5, 0.4)
     scale = 500 * (9.81 - 0.4) / free[0]
     assert run.thrust[0, 0] == pytest.approx(scale * free[1], rel=1e-6)
-    assert run.resistance[0, 0] == pytest.approx(scale * free[2], rel=1e-6)
-    assert run.moment[0, 0] == pytest.approx(scale * free[3], rel=1e-6)
+    assert run.motion_resistance[0, 0] == pytest.approx(scale * free[2], rel=1e-6)
+    assert run.soil_moment[0, 0] == pytest.approx(scale * free[3], rel=1e-6)
 
 
 @pytest.mark.parametrize('sinkage', ['dynamic', 'equilibrium'])
@@ -298,7 +298,7 @@ def test_grade_by_hand():
             TRACTOR, Terrain(LOAM, grades=grade), constant([0] * 4, 2 * dt, dt), dt, v0=2.0,
             sinkage='equilibrium',
         )  # fmt: skip
-        net = (run.thrust - run.resistance)[0].sum()
+        net = (run.thrust - run.motion_resistance)[0].sum()
         acceleration = (run.v[1] - run.v[0]) / dt
         assert acceleration == pytest.approx(net / 4440 - 9.81 * math.sin(grade), abs=1e-3)
         # Wheels carry what presses on the slope.
@@ -313,7 +313,7 @@ def test_load_moves_to_the_rear_uphill():
         TRACTOR, Terrain(LOAM, grades=0.1), constant([0] * 4, 0.01), 0.005, v0=2.0,
         sinkage='equilibrium',
     )  # fmt: skip
-    net = (run.thrust - run.resistance)[0]
+    net = (run.thrust - run.motion_resistance)[0]
     acceleration = net.sum() / 4440 - 9.81 * math.sin(0.1)
     moment = 33069.8 - 0.960811 * 4440 * acceleration
     moment += net @ np.array([0.65, 0.65, 0.85, 0.85])
@@ -431,7 +431,7 @@ def test_slope_is_that_of_the_place():
     run = simulate(RIG, terrain, constant([400.0], 1.5, dt), dt, v0=2.0)
     grade = np.select([run.x < 1.0, run.x < 2.0], [0.0, 0.1], -0.05)
     assert set(grade) == {0.0, 0.1, -0.05}
-    net = (run.thrust - run.resistance)[:, 0]
+    net = (run.thrust - run.motion_resistance)[:, 0]
     expected = net / 500 - 9.81 * np.sin(grade)
     # Not where a step goes over a change of slope, nor while the wheel finds its slip.
     same = grade[:-1] == grade[1:]
@@ -453,7 +453,7 @@ def test_load_transfer_follows_the_slope_of_the_place():
     assert run.x[-1] > 1.2
     for k in (0, -1):
         grade, moment = (0.0, 37434.9) if k == 0 else (0.1, 33069.8)
-        net = (run.thrust - run.resistance)[k]
+        net = (run.thrust - run.motion_resistance)[k]
         moment -= 0.960811 * 4440 * (net.sum() / 4440 - 9.81 * math.sin(grade))
         moment += net @ radii
         assert run.load[k, :2].sum() == pytest.approx(moment / 2.4, rel=1e-3)
@@ -481,7 +481,7 @@ def test_start_from_a_given_sinkage():
     load, thrust, resistance, moment = contact(
         2, 1.0, 2.0, 0.12, 0.1, SAND.packed(RIG.wheels[0]), 0.5, 0.4
     )
-    forces = run.thrust[0, 0], run.resistance[0, 0], run.moment[0, 0]
+    forces = run.thrust[0, 0], run.motion_resistance[0, 0], run.soil_moment[0, 0]
     assert forces == pytest.approx((thrust, resistance, moment))
     # m*z'' = m*g - N: z = 0.12 + 0.1*t + (g - N/m)*t^2/2.
     expected = 0.12 + 0.1 * 0.005 + (9.81 - load / 500) * 0.005**2 / 2
@@ -500,7 +500,7 @@ def test_shear_counted_by_whole_steps():
         _, thrust, _, moment, _ = forces_at(
             2, 1.0, 2.3, 0.15, 0.0, 0.0, soils, EVERYWHERE, 0.5, 0.4, -1, UNTOUCHED, FREE, step
         )
-        assert (run.thrust[0, 0], run.moment[0, 0]) == pytest.approx((thrust, moment))
+        assert (run.thrust[0, 0], run.soil_moment[0, 0]) == pytest.approx((thrust, moment))
     # It does nothing to a wheel that stands.
     still = forces_at(
         2, 0.0, 0.0, 0.15, 0.0, 0.0, soils, EVERYWHERE, 0.5, 0.4, -1, UNTOUCHED, FREE, 1e-3

@@ -259,8 +259,8 @@ def motion(v, omega, slip):
         sinkage=np.where(t < 2.0, 0.2, 0.05)[:, None],
         load=4905.0 * column,
         thrust=column,
-        resistance=column,
-        moment=column,
+        motion_resistance=column,
+        soil_moment=column,
     )
 
 

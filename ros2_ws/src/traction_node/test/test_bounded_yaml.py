@@ -46,7 +46,7 @@ def test_text_up_to_its_limits_is_read(monkeypatch):
         (nested(DEEPEST + 1), 'line 1: nested deeper than 32 levels'),
         ('a: 1\nb: ' + (LONGEST_SCALAR + 1) * '9', 'line 2: value of more than 3000 characters'),
         ('a: &a {b: *a}', r'line 1: \*a stands within itself'),
-        ('a: *x', "not valid YAML: .*undefined alias .*'?x'?"),
+        ('a: *x', 'not valid YAML: found undefined alias'),
         ('[', 'not valid YAML: '),
         ('!!int x', 'not valid YAML: a value cannot be read: ValueError'),
         ('!!python/object/apply:os.getcwd []', 'not valid YAML: could not determine a constr'),

@@ -12,9 +12,6 @@ from typing import Any, Protocol
 class Logger(Protocol):
     """Log of a node; rclpy's logger and Python's `logging.Logger` have these methods."""
 
-    def debug(self, message: str) -> Any:
-        """Log a detail for a developer."""
-
     def info(self, message: str) -> Any:
         """Log an event of normal operation."""
 

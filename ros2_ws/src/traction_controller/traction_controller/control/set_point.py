@@ -22,6 +22,7 @@ from traction_model.interpolation import GridTable
 from traction_model.soil.soil import Soil
 from traction_model.vehicle.vehicle import Vehicle
 from traction_model.vehicle.wheel import Wheel
+from traction_node.positive import check_positive
 
 # Grids: strength and K over those of the nominal soil, uniform in their logarithms.
 _STRENGTHS = np.geomspace(0.2, 5.0, 13)
@@ -73,9 +74,7 @@ class SetPoint:
     ) -> None:
         if not 0.01 <= low <= high <= 0.6:
             raise ValueError(f'bounds of the target must be 0.01 to 0.6, got {low} to {high}')
-        for name, value in (('rate', rate), ('time_constant', time_constant)):
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f'{name} must be above 0, got {value}')
+        check_positive(rate=rate, time_constant=time_constant)
         self.set_weight(weight)
         self.low, self.high, self.rate, self.time_constant = low, high, rate, time_constant
         self._modulus = soil.shear_deformation_modulus

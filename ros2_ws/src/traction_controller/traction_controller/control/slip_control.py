@@ -31,6 +31,7 @@ from traction_controller.control.wheel_group import DrivenWheel, WheelGroup
 from traction_controller.control.wheel_outcome import NO_GAINS, Degraded, WheelOutcome
 from traction_model.slip import MIN_SPEED
 from traction_model.vehicle.vehicle import Vehicle
+from traction_node.positive import check_positive
 
 
 class Mode(IntEnum):
@@ -143,9 +144,7 @@ class SlipControl:
         self._names = vehicle.wheel_names
         self.hold_torque = self._each('hold_torque', hold_torque)
         self.torque_rate = self._each('torque_rate', torque_rate)
-        for name, value in (('min_speed', min_speed), ('lag', lag), ('dt', dt)):
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f'{name} must be above 0, got {value}')
+        check_positive(min_speed=min_speed, lag=lag, dt=dt)
         self.min_speed = min_speed
         self._lag, self._dt = lag, dt
         self._loads = [float(load) for load in vehicle.static_loads()]

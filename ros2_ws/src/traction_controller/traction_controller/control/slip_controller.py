@@ -86,7 +86,6 @@ class SlipController:
         cls,
         p: SimpleNamespace,
         laws: Mapping[str, Callable[..., SlipLaw]] = LAWS,
-        settings: Mapping[str, Mapping[str, Any]] | None = None,
     ) -> 'SlipController':
         """Construct a controller from the parameters of the node `slip_controller`.
 
@@ -96,8 +95,6 @@ class SlipController:
             Value of every parameter by its name, in its unit.
         laws : mapping of str to class
             Classes of the laws to choose from, by name; an evaluation adds its baselines.
-        settings : mapping of str, optional
-            Settings of laws without parameters: for each law the arguments of its class, by name.
 
         Returns
         -------
@@ -130,7 +127,6 @@ class SlipController:
                 if p.law == 'lpv' or p.gain_table:
                     raise
                 lpv_refused = str(error)
-        chosen.update(settings or {})
         control = SlipControl(
             vehicle,
             p.slip_target,

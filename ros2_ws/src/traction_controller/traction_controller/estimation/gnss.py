@@ -13,11 +13,13 @@ does not count as distance travelled.
 
 import math
 from collections import deque
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from traction_node.positive import check_positive
 
 Array = NDArray[np.float64]
 
@@ -49,10 +51,7 @@ class GnssNoise:
     wheels: float = 0.5
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f'noise {field.name} must be above 0, got {value}')
+        check_positive(**{f'noise {name}': value for name, value in asdict(self).items()})
 
 
 class RimTravel:
@@ -267,13 +266,7 @@ class GnssTrack:
         gate: float = 4.5,
         settling: float = 0.3,
     ) -> None:
-        for name, value in (
-            ('min_speed', min_speed),
-            ('gate', gate),
-            ('settling', settling),
-        ):
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f'{name} must be above 0, got {value}')
+        check_positive(min_speed=min_speed, gate=gate, settling=settling)
         if not (math.isfinite(latency) and latency >= 0):
             raise ValueError(f'latency must be at least 0 s, got {latency}')
         self.noise = noise
@@ -336,14 +329,6 @@ class GnssTrack:
             return 0.0
         east, north = self._sense * self._motion.u[:2]
         return math.atan2(north, east)
-
-    @property
-    def heading_variance(self) -> float:
-        """Variance of `heading`, rad^2; infinite at standstill."""
-        speed = 0.0 if self._motion is None else float(np.linalg.norm(self._motion.u[:2]))
-        if speed == 0.0 or self._motion is None:
-            return math.inf
-        return float(np.max(self._motion.uu[:2])) / speed**2
 
     @property
     def position(self) -> Array:
@@ -482,12 +467,12 @@ class GnssTrack:
         """Set `reading`: the information on speed that a fix has added."""
         assert self._motion is not None
         self.reading, self.reading_variance = self.speed, math.inf
-        along = self._direction
-        before, after = float(along**2 @ expected.uu), self.speed_variance
+        direction = self._direction
+        before, after = float(direction**2 @ expected.uu), self.speed_variance
         if accepted and self.valid and after < (1.0 - 1e-9) * before:
             # Inverse of the update: the independent reading that gives the present mean.
             share = before / (before - after)
-            was = self._sense * float(along @ expected.u)
+            was = self._sense * float(direction @ expected.u)
             self.reading = was + share * (self.speed - was)
             self.reading_variance = share * after
 

@@ -14,11 +14,13 @@ is the share of power lost, ``1 - v*sum(T/r)/sum(T*omega)``.
 
 import math
 from collections import deque
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass
 from enum import Enum, IntEnum
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from traction_node.positive import check_positive
 
 Array = NDArray[np.float64]
 
@@ -81,10 +83,7 @@ class WarningLimits:
     release: float = 1.0
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f'limit {field.name} must be above 0, got {value}')
+        check_positive(**{f'limit {name}': value for name, value in asdict(self).items()})
 
 
 class _Trend:
@@ -223,11 +222,11 @@ class Immobilisation:
             self._goes_on_since = t
         # Signs relative to the direction of pull.
         pulls = torques / self._radii
-        along = 1.0 if float(pulls.sum()) >= 0 else -1.0
-        driven = np.maximum(along * pulls, 0.0)
+        direction = 1.0 if float(pulls.sum()) >= 0 else -1.0
+        driven = np.maximum(direction * pulls, 0.0)
         pull = float(driven.sum())
-        rim = along * float(driven @ (self._radii * speeds)) / pull if pull > 0 else 0.0
-        speed = along * v
+        rim = direction * float(driven @ (self._radii * speeds)) / pull if pull > 0 else 0.0
+        speed = direction * v
         depths = np.broadcast_to(np.asarray(sinkage, dtype=float), self._radii.shape)
         depth = float(np.max(depths / self._radii))
         if dt > 0 or math.isnan(self._speed.value):

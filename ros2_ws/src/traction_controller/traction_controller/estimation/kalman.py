@@ -274,9 +274,9 @@ def linearise(method, values, steps, root, slope):
     rest = total / (2 * k)
     # Slopes along the columns of the root, where the variance is one; root.T maps to the entries.
     for a in range(k - 1, -1, -1):
-        along = (values[1 + a] - values[1 + k + a]) / (2.0 * math.sqrt(k))
-        rest -= along * along
+        projected = (values[1 + a] - values[1 + k + a]) / (2.0 * math.sqrt(k))
+        rest -= projected * projected
         for b in range(a + 1, k):
-            along -= root[b, a] * slope[b]
-        slope[a] = along / root[a, a] if root[a, a] > 0.0 else 0.0
+            projected -= root[b, a] * slope[b]
+        slope[a] = projected / root[a, a] if root[a, a] > 0.0 else 0.0
     return mean, max(rest, 0.0)

@@ -15,6 +15,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from traction_node.positive import check_positive
+
 UNOBSERVED = 1e6
 """Variance of an unobserved value, rad^2 or m^2; finite, since other filters require it."""
 
@@ -53,12 +55,7 @@ def axle_yaw_rate(
     ValueError
         If a number is not finite, or track width or deviation are not above 0.
     """
-    for name, value in (
-        ('track_width', track_width),
-        ('rim_speed_deviation', rim_speed_deviation),
-    ):
-        if not (math.isfinite(value) and value > 0):
-            raise ValueError(f'{name} must be above 0, got {value}')
+    check_positive(track_width=track_width, rim_speed_deviation=rim_speed_deviation)
     if not (math.isfinite(left) and math.isfinite(right) and abs(slip) <= 1):
         raise ValueError(f'rim speeds {left} and {right} m/s with slip {slip} are not usable')
     # Ground over rim speed, driving and braking.
@@ -168,14 +165,14 @@ class PathOdometry:
             yaw_walk = 2.0 * self._YAW_CORRELATION_TIME * yaw_rate_variance * dt
         # Chord of the arc.
         middle = self.yaw + 0.5 * yaw_rate * dt
-        along = np.array([math.cos(middle), math.sin(middle), 0.0])
+        direction = np.array([math.cos(middle), math.sin(middle), 0.0])
         move = np.eye(3)
-        move[0, 2], move[1, 2] = -step * along[1], step * along[0]
-        self._random = move @ self._random @ move.T + walk * np.outer(along, along)
+        move[0, 2], move[1, 2] = -step * direction[1], step * direction[0]
+        self._random = move @ self._random @ move.T + walk * np.outer(direction, direction)
         self._random[2, 2] += yaw_walk
-        self._lasting = move @ self._lasting + lasting * along
-        self.x += step * along[0]
-        self.y += step * along[1]
+        self._lasting = move @ self._lasting + lasting * direction
+        self.x += step * direction[0]
+        self.y += step * direction[1]
         self.yaw = math.remainder(self.yaw + yaw_rate * dt, math.tau)
 
     @property

@@ -15,11 +15,13 @@ The remaining slip of a rolling wheel there is less than 0.005.
 """
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass
 from enum import Enum
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from traction_node.positive import check_positive
 
 Array = NDArray[np.float64]
 
@@ -73,10 +75,7 @@ class FirmGround:
     drift: float = 1e-5
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f'{field.name} must be above 0, got {value}')
+        check_positive(**asdict(self))
 
 
 class RollingRadius:
@@ -132,8 +131,7 @@ class RollingRadius:
         self.nominal = np.atleast_1d(np.asarray(nominal, dtype=float))
         if self.nominal.ndim != 1 or not np.all(np.isfinite(self.nominal) & (self.nominal > 0)):
             raise ValueError(f'nominal radii must be above 0 m, got {nominal!r}')
-        if not (math.isfinite(deviation) and deviation > 0):
-            raise ValueError(f'deviation must be above 0, got {deviation}')
+        check_positive(deviation=deviation)
         self.ground = ground
         self._deviation = deviation
         self.reset()

@@ -12,7 +12,7 @@ import copy
 import math
 from bisect import bisect_right
 from collections import deque
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass
 from enum import IntEnum
 from typing import Any
 
@@ -46,6 +46,7 @@ from traction_model.soil.rut import Ruts, fresh_ruts
 from traction_model.soil.soil import Soil
 from traction_model.vehicle.vehicle import Vehicle
 from traction_model.vehicle.wheel import RADIUS, STATIC_LOAD, TRACK
+from traction_node.positive import check_positive
 
 
 class Source(IntEnum):
@@ -105,14 +106,8 @@ class EstimatorNoise:
     wheel_acceleration: float = 0.07
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f'noise {field.name} must be above 0, got {value}')
+        check_positive(**{f'noise {name}': value for name, value in asdict(self).items()})
 
-
-GUESSED_SOIL = EstimatorNoise(strength=0.3, nominal=1.0, soil=0.03)
-"""Noise for a rough nominal soil, with tau_max, K and n uncertain by 50 %."""
 
 # Correlation of the logarithms of strength, shear deformation modulus and sinkage modulus between
 # soils: soils of lower bearing capacity have lower strength and a larger shear deformation
@@ -231,13 +226,9 @@ class SlipFilter:
         gnss_latency: float = 0.0,
         radar_min_speed: float = 0.0,
     ) -> None:
-        for name, value in (
-            ('min_speed', min_speed),
-            ('radar_timeout', radar_timeout),
-            ('radar_variance', radar_variance),
-        ):
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f'{name} must be above 0, got {value}')
+        check_positive(
+            min_speed=min_speed, radar_timeout=radar_timeout, radar_variance=radar_variance
+        )
         for name, value, most in (
             ('tachometer_pulses', tachometer_pulses, math.inf),
             ('radar_latency', radar_latency, 0.5),

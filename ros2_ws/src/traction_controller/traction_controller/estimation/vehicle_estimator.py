@@ -24,6 +24,7 @@ from traction_controller.estimation.rolling_radius import FirmGround
 from traction_controller.estimation.slip_filter import EstimatorNoise, SlipFilter, Source
 from traction_model.soil.soil import Soil, load_soil
 from traction_model.vehicle.vehicle import Vehicle, load_vehicle
+from traction_node.positive import check_positive
 
 Array = NDArray[np.float64]
 
@@ -139,9 +140,7 @@ class VehicleEstimator:
         warning_horizon: float,
         warning_slip: float,
     ) -> None:
-        for name, value in (('terrain_rate', terrain_rate), ('odometry_rate', odometry_rate)):
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f'{name} must be above 0, got {value}')
+        check_positive(terrain_rate=terrain_rate, odometry_rate=odometry_rate)
         _check_track_width(track_width, vehicle)
         self.vehicle = vehicle
         self.slip_filter = SlipFilter(
@@ -181,19 +180,13 @@ class VehicleEstimator:
         self.reset()
 
     @classmethod
-    def from_parameters(
-        cls, p: Any, vehicle: Vehicle | None = None, soil: Soil | None = None
-    ) -> 'VehicleEstimator':
+    def from_parameters(cls, p: Any) -> 'VehicleEstimator':
         """Construct an estimator from the parameters of the node `slip_estimator`.
 
         Parameters
         ----------
         p : namespace
             One attribute for each of the node's parameters, in their units.
-        vehicle : Vehicle, optional
-            Vehicle to use instead of `p.vehicle`, SI units.
-        soil : Soil, optional
-            Soil to use instead of `p.soil`, SI units.
 
         Returns
         -------
@@ -206,8 +199,8 @@ class VehicleEstimator:
             If a parameter is invalid, or a definition cannot be loaded.
         """
         return cls(
-            load_vehicle(p.vehicle) if vehicle is None else vehicle,
-            load_soil(p.soil) if soil is None else soil,
+            load_vehicle(p.vehicle),
+            load_soil(p.soil),
             noise=EstimatorNoise(
                 **{f.name: getattr(p, f'noise_{f.name}') for f in fields(EstimatorNoise)}
             ),

@@ -11,7 +11,7 @@ over the logarithms of rim speed and slip stiffness, as the model depends on the
 """
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from traction_model.interpolation import GridTable
 from traction_model.lpv.sampling import sampled
 from traction_model.lpv.slip_dynamics import slip_dynamics
 from traction_model.vehicle.wheel import Wheel
+from traction_node.positive import check_positive
 
 
 @dataclass(frozen=True)
@@ -42,10 +43,7 @@ class ControlWeights:
     torque: float = 0.3
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f'weight {field.name} must be above 0, got {value}')
+        check_positive(**{f'weight {name}': value for name, value in asdict(self).items()})
 
 
 def lqi_gains(
@@ -127,9 +125,7 @@ class GainSchedule:
         weights: ControlWeights = ControlWeights(),
         gravity: float = 9.81,
     ) -> None:
-        for name, value in (('load', load), ('lag', lag), ('dt', dt)):
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f'{name} must be above 0, got {value}')
+        check_positive(load=load, lag=lag, dt=dt)
         # From walking pace to road speed; from soil near failure to hard ground.
         self.rim_speeds = np.geomspace(0.3, 12.0, 9)
         self.stiffnesses = load * np.geomspace(0.2, 50.0, 9)

@@ -123,8 +123,6 @@ class GainTable:
     ----------
     period : float
         Sampling period of the gains, s.
-    n_commands : int
-        Number of gains on earlier commands, dimensionless.
     """
 
     def __init__(
@@ -132,7 +130,6 @@ class GainTable:
     ) -> None:
         design = certificate.design
         self.period = design.period
-        self.n_commands = design.delays[1]
         turning = Wheel(radius=wheel.radius, width=1.0, inertia=wheel.inertia)
         self._scale = torque_scale(turning, 1.0, scheduling.slip)
         self._pole = slip_pole(turning, 1.0, 1.0, scheduling.slip)

@@ -16,10 +16,10 @@ from traction_controller.control.laws.law import (
     SlipLaw,
     Takeover,
     WheelState,
-    checked,
     soil_moment,
 )
 from traction_model.vehicle.wheel import Wheel
+from traction_node.positive import check_positive
 
 
 class SlidingModeLaw(SlipLaw):
@@ -70,8 +70,9 @@ class SlidingModeLaw(SlipLaw):
         takeover_time: float = 0.2,
     ) -> None:
         self._wheel = wheel
-        self._reach = checked('reach', reach) * load * wheel.radius
-        self._layer = checked('boundary_layer', boundary_layer)
+        check_positive(reach=reach, boundary_layer=boundary_layer)
+        self._reach = reach * load * wheel.radius
+        self._layer = boundary_layer
         self._takeover = Takeover(takeover_time)
 
     def reset(self) -> None:

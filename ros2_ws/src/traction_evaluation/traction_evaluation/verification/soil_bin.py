@@ -277,7 +277,7 @@ def compare(
     )
 
 
-def compare_sand_bed(path: str | Path, form: Form = Form.CONTACT) -> dict[str, Comparison]:
+def compare_sand_bed(path: str | Path) -> dict[str, Comparison]:
     """Compare the trials of Pavlov and Johnson on dry sand with their published soil.
 
     Parameters
@@ -285,8 +285,6 @@ def compare_sand_bed(path: str | Path, form: Form = Form.CONTACT) -> dict[str, C
     path : str or Path
         Table of their trials, see `read_trials` (slip; N; m), with the wheels ``smooth`` and
         ``grouser``.
-    form : Form
-        Form of the contact model.
 
     Returns
     -------
@@ -303,6 +301,4 @@ def compare_sand_bed(path: str | Path, form: Form = Form.CONTACT) -> dict[str, C
     if missing:
         raise ValueError(f'{path}: there are no trials of the wheel {min(missing)!r}')
     soil = load_soil('pavlov_sand')
-    return {
-        name: compare(trials[name], soil, wheel, form) for name, wheel in SAND_BED_WHEELS.items()
-    }
+    return {name: compare(trials[name], soil, wheel) for name, wheel in SAND_BED_WHEELS.items()}

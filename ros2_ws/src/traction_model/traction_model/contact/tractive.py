@@ -23,6 +23,7 @@ from traction_model.soil.empirical import Curve, curve_ratios
 from traction_model.soil.soil import Soil
 from traction_model.vehicle.vehicle import Vehicle
 from traction_model.vehicle.wheel import Wheel
+from traction_node.positive import check_positive
 
 LARGEST_SLIP = 0.9
 """Upper bound of the search for the best slip."""
@@ -143,9 +144,7 @@ def steady_contact(
     ValueError
         If an argument is out of range, or the soil does not carry the load.
     """
-    for name, value in (('load', load), ('speed', speed)):
-        if not (math.isfinite(value) and value > 0):
-            raise ValueError(f'{name} must be above 0, got {value}')
+    check_positive(load=load, speed=speed)
     slip = float(checked_slip(slip))
     check_form(form, [soil])
     v = speed * min(1.0, 1.0 - slip)

@@ -124,18 +124,7 @@ class SlipLpvModel(LpvModel):
         return dict(self.schedule(**(rho.values if isinstance(rho, Schedule) else rho)).values)
 
     def assemble(self, terms: Mapping[str, Array]) -> Matrices:
-        """Matrices from terms, without checks, for `matrices` and grids.
-
-        Parameters
-        ----------
-        terms : mapping of str to ndarray
-            As from `terms`, in its units.
-
-        Returns
-        -------
-        Matrices
-            Matrices, in the units of x, u and u_uc.
-        """
+        """Matrices from terms, without checks, see `LpvModel.assemble`."""
         n, g = self.constraint.shape
         mass = self.vehicle.mass
         v, slipping = float(terms['speed'][0]), terms['slip']

@@ -125,18 +125,7 @@ class SpeedLpvModel(LpvModel):
         return self._shear.areas(values, width)
 
     def assemble(self, terms: Mapping[str, Array]) -> Matrices:
-        """Matrices from terms, without checks, for `matrices` and grids.
-
-        Parameters
-        ----------
-        terms : mapping of str to ndarray
-            As from `terms`, in its units.
-
-        Returns
-        -------
-        Matrices
-            Matrices, in the units of x, u and u_uc.
-        """
+        """Matrices from terms, without checks, see `LpvModel.assemble`."""
         n, g = self.constraint.shape
         # Effect of shear and moment of each wheel on the states: v, then wheels.
         force, torque = np.zeros((g + 1, 1)), np.zeros((g + 1, n))

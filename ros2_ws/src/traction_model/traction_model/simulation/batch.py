@@ -70,9 +70,9 @@ class Batch:
         Load on the wheel after load transfer, N.
     thrust : ndarray, shape (b, m, n)
         F, N, forward positive.
-    resistance : ndarray, shape (b, m, n)
+    motion_resistance : ndarray, shape (b, m, n)
         R, N, positive against forward motion.
-    moment : ndarray, shape (b, m, n)
+    soil_moment : ndarray, shape (b, m, n)
         M, N·m, moment of the soil against the rotation of the wheel.
     """
 
@@ -84,8 +84,8 @@ class Batch:
     sinkage: Array
     load: Array
     thrust: Array
-    resistance: Array
-    moment: Array
+    motion_resistance: Array
+    soil_moment: Array
 
 
 def simulate_batch(
@@ -173,8 +173,8 @@ def simulate_batch(
         sinkage=forces[:, :, :, SINKAGE],
         load=forces[:, :, :, LOAD],
         thrust=forces[:, :, :, THRUST],
-        resistance=forces[:, :, :, RESISTANCE],
-        moment=forces[:, :, :, MOMENT],
+        motion_resistance=forces[:, :, :, RESISTANCE],
+        soil_moment=forces[:, :, :, MOMENT],
     )
 
 

@@ -62,9 +62,9 @@ class Trajectory:
         Load on the wheel after load transfer, N.
     thrust : ndarray, shape (k, n)
         F, N, forward positive.
-    resistance : ndarray, shape (k, n)
+    motion_resistance : ndarray, shape (k, n)
         R, N, positive against forward motion.
-    moment : ndarray, shape (k, n)
+    soil_moment : ndarray, shape (k, n)
         M, N·m, moment of the soil against the rotation of the wheel.
     """
 
@@ -76,8 +76,8 @@ class Trajectory:
     sinkage: Array
     load: Array
     thrust: Array
-    resistance: Array
-    moment: Array
+    motion_resistance: Array
+    soil_moment: Array
 
 
 @lean_kernel
@@ -212,8 +212,8 @@ def simulate(
         sinkage=forces[:, :, SINKAGE],
         load=forces[:, :, LOAD],
         thrust=forces[:, :, THRUST],
-        resistance=forces[:, :, RESISTANCE],
-        moment=forces[:, :, MOMENT],
+        motion_resistance=forces[:, :, RESISTANCE],
+        soil_moment=forces[:, :, MOMENT],
     )
 
 

@@ -24,7 +24,6 @@ from traction_node.closest import closest
 # Columns of a packed soil, as the kernels index them.
 MODULUS, N_EXP, COHESION, TAN_PHI, SHEAR_MODULUS, DAMPING = range(6)
 ELASTIC_MODULUS, SHEAR_LAW, RESIDUAL, HUMP, SHEAR_MEMORY, CURVE = range(6, 12)
-SOIL_COLUMNS = CURVE + CURVE_COLUMNS
 
 PressureLaw = Literal['bekker', 'bernstein', 'reece']
 ShearLaw = Literal['janosi_hanamoto', 'wong_preston_thomas', 'kacigin_guskov']

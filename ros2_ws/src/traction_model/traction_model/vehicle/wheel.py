@@ -9,7 +9,7 @@ from pydantic import Field
 from traction_model.definition import Definition
 
 # Columns of a packed wheel, as the kernels index them.
-RADIUS, WIDTH, INERTIA, FRICTION, POSITION, STATIC_LOAD, TRACK, WHEEL_COLUMNS = range(8)
+RADIUS, WIDTH, INERTIA, FRICTION, POSITION, STATIC_LOAD, TRACK = range(7)
 
 
 class Wheel(Definition):

@@ -29,6 +29,8 @@ ARBITRARY = range(128, 248)
 
 _PRIORITY = 6
 _ARBITRARY_BIT = 1 << 63
+# Industry group 2; device class and instances are 0.
+_AGRICULTURE = 2 << 60
 
 Frame = tuple[Identifier, bytes]
 
@@ -38,14 +40,9 @@ def name_of(
     identity: int,
     manufacturer: int,
     function: int,
-    industry_group: int = 2,
-    device_class: int = 0,
-    device_class_instance: int = 0,
-    function_instance: int = 0,
-    ecu_instance: int = 0,
     arbitrary: bool = True,
 ) -> int:
-    """NAME of a device, from its parts.
+    """NAME of the first and only such device on an agricultural or forestry vehicle.
 
     Parameters
     ----------
@@ -55,12 +52,6 @@ def name_of(
         Code of the manufacturer, 11 bits.
     function : int
         Function of the device, 8 bits.
-    industry_group : int
-        3 bits; 2 is agriculture and forestry.
-    device_class, device_class_instance : int
-        7 and 4 bits.
-    function_instance, ecu_instance : int
-        5 and 3 bits.
     arbitrary : bool
         Device can use any address of `ARBITRARY`.
 
@@ -74,16 +65,11 @@ def name_of(
     ValueError
         If a part does not fit into its bits.
     """
-    whole = _ARBITRARY_BIT if arbitrary else 0
+    whole = _AGRICULTURE | (_ARBITRARY_BIT if arbitrary else 0)
     for text, value, start, length in (
         ('identity', identity, 0, 21),
         ('manufacturer', manufacturer, 21, 11),
-        ('ecu_instance', ecu_instance, 32, 3),
-        ('function_instance', function_instance, 35, 5),
         ('function', function, 40, 8),
-        ('device_class', device_class, 49, 7),
-        ('device_class_instance', device_class_instance, 56, 4),
-        ('industry_group', industry_group, 60, 3),
     ):
         if not 0 <= value < 1 << length:
             raise ValueError(f'{text} must be 0 to {(1 << length) - 1}, got {value}')

@@ -7,12 +7,12 @@ commanded wheel torque is only a limit: the engine applies the smaller of the dr
 the limit.
 """
 
-import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from traction_node.positive import check_positive
 from tractor_io.can.address_claim import CLAIMED_PGN, AddressClaim
 from tractor_io.can.bus_watch import BusWatch
 from tractor_io.can.drivetrain import Drivetrain
@@ -95,12 +95,7 @@ class VehicleBus:
     ) -> None:
         if len(radii) != len(WHEEL_FIELDS):
             raise ValueError(f'expected {len(WHEEL_FIELDS)} radii, got {len(radii)}')
-        for name, value in (
-            *((f'radius {k}', r) for k, r in enumerate(radii)),
-            ('timeout', timeout),
-        ):
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f'{name} must be above 0, got {value}')
+        check_positive(**{f'radius {k}': r for k, r in enumerate(radii)}, timeout=timeout)
         check_address('engine', engine)
         self.watch = BusWatch(groups, sources, missed)
         self.claim = claim

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from traction_model.vehicle.wheel import Wheel
+from traction_node.positive import check_positive
 
 
 @dataclass(slots=True)
@@ -101,7 +102,8 @@ class Takeover:
     """
 
     def __init__(self, time: float) -> None:
-        self._time = checked('takeover_time', time)
+        check_positive(takeover_time=time)
+        self._time = time
         self.reset()
 
     def reset(self) -> None:
@@ -148,28 +150,3 @@ def soil_moment(wheel: Wheel, state: WheelState) -> float:
     """
     omega = abs(state.rim_speed) / wheel.radius
     return wheel.radius * state.gross_traction + wheel.viscous_friction * omega
-
-
-def checked(name: str, value: float) -> float:
-    """Check that an argument is a number above 0.
-
-    Parameters
-    ----------
-    name : str
-        Name for the error.
-    value : float
-        Value, in any unit.
-
-    Returns
-    -------
-    float
-        Value, in its unit.
-
-    Raises
-    ------
-    ValueError
-        If it is not finite or not above 0.
-    """
-    if not (math.isfinite(value) and value > 0):
-        raise ValueError(f'{name} must be above 0, got {value}')
-    return value

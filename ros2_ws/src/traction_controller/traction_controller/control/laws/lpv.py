@@ -16,11 +16,11 @@ from traction_controller.control.laws.law import (
     SlipLaw,
     Takeover,
     WheelState,
-    checked,
     soil_moment,
 )
 from traction_controller.synthesis.gain_table import GainTable
 from traction_model.vehicle.wheel import Wheel
+from traction_node.positive import check_positive
 
 
 class LpvLaw(SlipLaw):
@@ -77,7 +77,8 @@ class LpvLaw(SlipLaw):
         self._table = gain_table
         self._wheel = wheel
         self._takeover = Takeover(takeover_time)
-        self._acceleration_time = checked('acceleration_time', acceleration_time)
+        check_positive(acceleration_time=acceleration_time)
+        self._acceleration_time = acceleration_time
         self.reset()
 
     def reset(self) -> None:

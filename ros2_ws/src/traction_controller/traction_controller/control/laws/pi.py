@@ -16,10 +16,11 @@ with K the gain and tau the lag of the model, and tau_c the desired response tim
 
 import math
 
-from traction_controller.control.laws.law import SlipLaw, WheelState, checked
+from traction_controller.control.laws.law import SlipLaw, WheelState
 from traction_model.lpv.slip_dynamics import slip_dynamics
 from traction_model.vehicle.vehicle import GRAVITY
 from traction_model.vehicle.wheel import Wheel
+from traction_node.positive import check_positive
 
 
 def simc_gains(
@@ -110,11 +111,9 @@ class PiLaw(SlipLaw):
         delay: float = 0.03,
         response_time: float = 0.15,
     ) -> None:
-        checked('rim_speed', rim_speed)
-        checked('stiffness', stiffness)
+        check_positive(rim_speed=rim_speed, stiffness=stiffness, response_time=response_time)
         if not (math.isfinite(delay) and delay >= 0):
             raise ValueError(f'delay must be at least 0, got {delay}')
-        checked('response_time', response_time)
         self._wheel, self._mass, self._slip = wheel, load / GRAVITY, slip
         self._lag, self._delay, self._response_time = lag, delay, response_time
         gains = list(self.tuned(rim_speed, stiffness * load))
@@ -122,7 +121,8 @@ class PiLaw(SlipLaw):
             (('proportional', proportional), ('integral', integral))
         ):
             if given is not None:
-                gains[k] = checked(name, given) * load * wheel.radius
+                check_positive(**{name: given})
+                gains[k] = given * load * wheel.radius
         self.gains = (gains[0], 0.0, gains[1])
         self._last: float | None = None
 

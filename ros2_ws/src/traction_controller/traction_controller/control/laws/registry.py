@@ -1,6 +1,5 @@
 """Control laws by name, and construction of a law for a wheel."""
 
-import math
 from collections.abc import Callable, Mapping
 from inspect import signature
 from types import MappingProxyType
@@ -12,6 +11,7 @@ from traction_controller.control.laws.lqi import LqiLaw
 from traction_controller.control.laws.pi import PiLaw
 from traction_model.vehicle.wheel import Wheel
 from traction_node.closest import closest
+from traction_node.positive import check_positive
 
 LAWS: Mapping[str, Callable[..., SlipLaw]] = MappingProxyType(
     {'pi': PiLaw, 'lqi': LqiLaw, 'lpv': LpvLaw}
@@ -66,9 +66,7 @@ def make_law(
     """
     if name not in laws:
         raise ValueError(f"unknown control law '{name}'{closest(name, laws)}")
-    for what, value in (('load', load), ('lag', lag), ('dt', dt)):
-        if not (math.isfinite(value) and value > 0):
-            raise ValueError(f'{what} must be above 0, got {value}')
+    check_positive(load=load, lag=lag, dt=dt)
     if not 0 <= slip < 1:
         raise ValueError(f'slip must be at least 0 and below 1, got {slip}')
     own = [key for key in signature(laws[name]).parameters if key not in _COMMON]
