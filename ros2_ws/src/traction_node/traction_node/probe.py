@@ -30,6 +30,7 @@ from rclpy.client import Client
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
+from rclpy.subscription import Subscription
 
 from traction_node.node import QOS
 from traction_node.topics import message_class, topic
@@ -276,9 +277,9 @@ class Probe:
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
         self._publishers: dict[str, Publisher] = {}
-        self._subscriptions = {}
+        self._subscriptions: dict[str, Subscription] = {}
         self._clients: dict[str, Client] = {}
-        self._met = set()
+        self._met: set[bytes] = set()
         self._statuses: list[DiagnosticStatus] | None = None
 
     def __enter__(self) -> 'Probe':
@@ -370,7 +371,7 @@ class Probe:
         qos = copy.copy(QOS[row.qos])
         qos.depth = DEPTH
         self._subscriptions[name] = self.node.create_subscription(
-            message_class(row.type), name, take, qos
+            message_class(row.type), name, cast(Callable[[Any], None], take), qos
         )
         return received
 
@@ -401,7 +402,7 @@ class Probe:
                 self._met.add(identifier)
         return publisher
 
-    def _subscribers(self, publisher: Publisher) -> set[str]:
+    def _subscribers(self, publisher: Publisher) -> dict[bytes, str]:
         """Names of the subscribed nodes by endpoint identifier; empty until all are known."""
         found = {
             bytes(info.endpoint_gid): (info.node_namespace, info.node_name)
