@@ -382,7 +382,7 @@ def test_units_agree(state, form):
     # alone. (29) as printed, without r and 1/J in its second row and b in its first, would not.
     cm, g = 100.0, 1000.0
     unit = {
-        '1': 1.0, 'm': cm, 'm/s': cm, 'rad/s': 1.0, 'm^2': cm**2, 'N': g * cm, 'N*m': g * cm**2,
+        '1': 1.0, 'm': cm, 'm/s': cm, 'rad/s': 1.0, 'm^2': cm**2, 'N': g * cm, 'N·m': g * cm**2,
         'Pa': g / cm, 'N/m': g,
     }  # fmt: skip
     wheel = RIG.wheels[0]

@@ -77,6 +77,7 @@ def test_units_become_si(tmp_path):
         ('rpm', 'velocity', 60.0, 2 * math.pi),
         ('rev/s', 'velocity', 2.0, 4 * math.pi),
         ('deg/s', 'velocity', 180.0, math.pi),
+        ('kN·m', 'effort', 1.5, 1500.0),
         ('kN*m', 'effort', 1.5, 1500.0),
         ('lbf*ft', 'effort', 1.0, 0.3048 * 0.45359237 * 9.80665),
         ('mph', 'twist.twist.linear.x', 10.0, 4.4704),

@@ -26,7 +26,7 @@ class SlipLpvModel(LpvModel):
     _state = 'slip'
 
     def _wheel_inputs(self) -> tuple[tuple[str, str], ...]:
-        return ('thrust', 'N'), ('moment', 'N*m'), ('sinkage', 'm')
+        return ('thrust', 'N'), ('moment', 'N·m'), ('sinkage', 'm')
 
     def _name_states(self, free: Sequence[str]) -> None:
         self.state_names = ('v', *(f'{self._state}_{name}' for name in free))
@@ -41,7 +41,7 @@ class SlipLpvModel(LpvModel):
             SchedulingParameter('speed', 'm/s', np.array([MIN_TRANSIT_SPEED]), np.array([100.0])),
             self._state_range(),
             self._range('slip_stiffness', 'N', -stiffness, stiffness),
-            self._range('moment_stiffness', 'N*m', -lever, lever),
+            self._range('moment_stiffness', 'N·m', -lever, lever),
             self._gradient_range(),
         ]
 

@@ -45,8 +45,9 @@ UNITS: dict[str, tuple[str, float]] = {
     'rad/s': ('rad/s', 1.0), 'deg/s': ('rad/s', math.pi / 180.0),
     'rpm': ('rad/s', math.pi / 30.0), 'rev/s': ('rad/s', 2.0 * math.pi),
     'N': ('N', 1.0), 'kN': ('N', 1e3), 'daN': ('N', 10.0), 'lbf': ('N', 4.4482216152605),
-    'N*m': ('N*m', 1.0), 'N·m': ('N*m', 1.0), 'Nm': ('N*m', 1.0), 'kN*m': ('N*m', 1e3),
-    'kNm': ('N*m', 1e3), 'lbf*ft': ('N*m', 1.3558179483314004),
+    'N·m': ('N·m', 1.0), 'N*m': ('N·m', 1.0), 'Nm': ('N·m', 1.0),
+    'kN·m': ('N·m', 1e3), 'kN*m': ('N·m', 1e3), 'kNm': ('N·m', 1e3),
+    'lbf*ft': ('N·m', 1.3558179483314004),
     'Pa': ('Pa', 1.0), 'kPa': ('Pa', 1e3), 'bar': ('Pa', 1e5), 'MPa': ('Pa', 1e6),
     'm/s^2': ('m/s^2', 1.0), 'g': ('m/s^2', 9.80665),
     'm^2': ('m^2', 1.0), 'm^2/s^2': ('m^2/s^2', 1.0),
@@ -56,7 +57,7 @@ UNITS: dict[str, tuple[str, float]] = {
 # SI units of message fields, by their names.
 _UNITS_OF_FIELDS = (
     (r'^velocity$', 'rad/s'),
-    (r'^effort$', 'N*m'),
+    (r'^effort$', 'N·m'),
     (r'(^|\.)twist\.linear\.[xyz]$', 'm/s'),
     (r'(^|\.)twist\.angular\.[xyz]$', 'rad/s'),
     (r'\.position\.[xyz]$', 'm'),
