@@ -17,7 +17,8 @@ RADIUS, WIDTH = 0.5, 0.4
 WHEEL = Wheel(radius=RADIUS, width=WIDTH, inertia=20)
 TRACTOR = load_vehicle('tractor_4wd')
 # One that springs back, one that does not.
-SPRINGY, DEAD = load_soil('sandy_loam_chrono'), load_soil('paper_sand')
+SPRINGY = load_soil('sandy_loam_chrono')
+DEAD = load_soil('paper_sand').model_copy(update={'elastic_modulus': None})
 
 
 def rut(depth, shear=0.0, width=WIDTH, x_from=-2.0, x_to=2.0):

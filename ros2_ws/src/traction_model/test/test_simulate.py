@@ -608,7 +608,8 @@ def test_what_a_step_refuses():
 @pytest.mark.parametrize(
     ('fault', 'reason'),
     [
-        ({'pull': -1.0}, 'drawbar pull must be finite and at least 0, got -1.0'),
+        ({'pull': math.inf}, 'drawbar pull must be finite, got inf'),
+        ({'pull_per_speed': -1.0}, 'pull_per_speed must be finite and at least 0, got -1.0'),
         ({'pull_per_speed': math.nan}, 'drawbar pull_per_speed must be finite'),
         ({'ramp': math.inf}, 'drawbar ramp must be finite'),
     ],

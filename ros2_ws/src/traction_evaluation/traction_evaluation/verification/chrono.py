@@ -39,12 +39,15 @@ class ChronoRun:
         Start of each soil after the first, m along the path of the rear axle.
     drawbar : Drawbar
         Draft, N.
+    steered : bool
+        True where the front wheels were steered.
     """
 
     vehicle: str
     soils: tuple[str, ...]
     starts: tuple[float, ...] = ()
     drawbar: Drawbar = Drawbar()
+    steered: bool = False
 
     def terrain(self) -> Terrain:
         """Soils along the path, SI units."""
@@ -56,6 +59,11 @@ def _wheel(pull: float = 0.0, pull_per_speed: float = 0.0) -> ChronoRun:
     return ChronoRun('single_wheel_rig', ('paper_sand',), drawbar=drawbar)
 
 
+def _tractor(pull: float, pull_per_speed: float, *, steered: bool = False) -> ChronoRun:
+    drawbar = Drawbar(pull, pull_per_speed, ramp=2.0)
+    return ChronoRun('tractor_4wd', ('sandy_loam_chrono',), drawbar=drawbar, steered=steered)
+
+
 CHRONO_RUNS = {
     'wheel_drawbar': _wheel(900, 300),
     'wheel_torque_sine': _wheel(900, 300),
@@ -64,15 +72,20 @@ CHRONO_RUNS = {
     ),
     'wheel_low_slip': _wheel(),
     'wheel_high_slip': _wheel(),
-    'tractor_sandy_loam': ChronoRun(
-        'tractor_4wd', ('sandy_loam_chrono',), drawbar=Drawbar(6000, 1500, ramp=2.0)
-    ),
+    'tractor_sandy_loam': _tractor(6000, 1500),
     'tractor_soft_patch': ChronoRun(
         'tractor_4wd',
         ('sandy_loam_chrono', 'soft_patch_chrono'),
         (22.0,),
         Drawbar(5500, 1800, ramp=2.0),
     ),
+    'tractor_steps_slow': _tractor(9000, 5000),
+    'tractor_steps_medium': _tractor(6000, 3000),
+    # Towed towards 3 m/s; the tow goes from 12 s on and is gone at 13 s.
+    'tractor_braked': _tractor(-90000, 30000),
+    'turn_left': _tractor(2000, 1500, steered=True),
+    'turn_slalom': _tractor(2000, 1500, steered=True),
+    'turn_pull': _tractor(6500, 4500, steered=True),
 }
 """Runs by name."""
 
@@ -92,10 +105,13 @@ class ChronoRecording:
     t : ndarray, shape (k,)
         Time, s.
     v, x : ndarray, shape (k,)
-        Speed, m/s, and distance, m.
+        Speed, m/s, and distance, m, of the middle of the rear axle; where the run was steered, x
+        is the place along the direction of the start.
     torque, omega, sinkage, net_force : ndarray, shape (k, n)
         Drive torque, N·m; wheel speed, rad/s; sinkage of the wheel, m, negative off the ground;
-        net horizontal force of the soil on the wheel, N.
+        net horizontal force of the soil on the wheel along the vehicle, N.
+    wheel_v : ndarray, shape (k, n)
+        Speed of the wheel's centre in its own plane, m/s: v where the run went straight.
     """
 
     run: ChronoRun
@@ -108,6 +124,7 @@ class ChronoRecording:
     omega: Array
     sinkage: Array
     net_force: Array
+    wheel_v: Array
 
     @property
     def rim_speed(self) -> Array:
@@ -117,7 +134,8 @@ class ChronoRecording:
     @property
     def slip(self) -> Array:
         """Slip of every wheel, -1 to 1, shape (k, n)."""
-        return np.asarray(slips(self.v, self.rim_speed))
+        by_wheel = zip(self.wheel_v.T, self.rim_speed.T[:, :, np.newaxis], strict=True)
+        return np.hstack([slips(v, rim) for v, rim in by_wheel])
 
 
 def read_chrono(path: str | Path, run: ChronoRun) -> ChronoRecording:
@@ -151,9 +169,17 @@ def read_chrono(path: str | Path, run: ChronoRun) -> ChronoRecording:
         return np.column_stack([columns[f'{name}_{wheel}'] for wheel in vehicle.wheel_names])
 
     try:
+        force = wheels('fx')
+        wheel_v = np.repeat(columns['v'][:, np.newaxis], force.shape[1], axis=1)
+        if run.steered:
+            wheel_v = wheels('vx')
+            steer = np.zeros_like(force)
+            for wheel, side in (('fl', 'steer_l'), ('fr', 'steer_r')):
+                steer[:, vehicle.wheel_names.index(wheel)] = columns[side]
+            force = force * np.cos(steer) - wheels('fy') * np.sin(steer)
         recording = ChronoRecording(
             run, vehicle, columns, columns['t'], columns['v'], columns['x'],
-            wheels('torque'), wheels('omega'), wheels('sinkage'), wheels('fx'),
+            wheels('torque'), wheels('omega'), wheels('sinkage'), force, wheel_v,
         )  # fmt: skip
     except KeyError as error:
         raise ValueError(f'{path}: column {error.args[0]} is missing') from error

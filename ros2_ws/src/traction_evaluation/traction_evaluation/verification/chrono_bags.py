@@ -13,9 +13,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from traction_evaluation.verification.chrono import CHRONO_RUNS, ChronoRecording, read_chrono
-from traction_model.slip import MIN_SPEED, is_valid, slip
+from traction_evaluation.verification.wheel_rig import RIG_FILE
+from traction_model.slip import MIN_SPEED, is_valid
 from traction_node.quality_of_service import QOS
 from traction_node.topics import topic
 from tractor_io.bags.message_types import typestore
@@ -46,6 +48,12 @@ SEEDS = {
     'wheel_low_slip': 5,
     'wheel_soft_patch': 6,
     'wheel_torque_sine': 7,
+    'tractor_braked': 8,
+    'tractor_steps_slow': 9,
+    'turn_left': 10,
+    'turn_slalom': 11,
+    'turn_pull': 12,
+    'tractor_steps_medium': 13,
 }
 """Seed of the radar's noise for each run; fixed."""
 
@@ -65,7 +73,13 @@ class Samples:
         self.time = recording.t
         self.v = recording.v
         self.x = recording.x
-        self.pitch = recording.columns.get('pitch', np.zeros_like(self.time))
+        self.wheel_v = recording.wheel_v
+        self.slip = recording.slip
+        standing = np.zeros_like(self.time)
+        self.y, self.yaw, self.pitch, self.roll, self.v_y, self.yaw_rate = (
+            recording.columns.get(name, standing)
+            for name in ('y', 'yaw', 'pitch', 'roll', 'v_y', 'yaw_rate')
+        )
         self.torque = recording.torque
         self.omega = recording.omega
         self.sinkage = recording.sinkage
@@ -78,7 +92,11 @@ class Samples:
         if measured is None:
             pull = drawbar.pull + drawbar.pull_per_speed * self.v
             measured = pull * np.minimum(1.0, self.time / drawbar.ramp)
-        self.drawbar = measured
+        # In a turn the centre of gravity, ahead of the rear axle, is accelerated sideways, too:
+        # m*v' = F + m*yaw'*(v_y + l*yaw'), along the vehicle.
+        ahead, _ = recording.vehicle.centre_of_gravity
+        turning = self.yaw_rate * (self.v_y + ahead * self.yaw_rate)
+        self.accelerating = self.force.sum(axis=1) - measured + recording.vehicle.mass * turning
 
     def gross_traction(self, since: slice) -> NDArray[np.float64]:
         """Mean moment of the soil over the radius: (T - b_f*omega - J*omega')/r.
@@ -141,19 +159,24 @@ class Messages:
         )
 
     def slip_estimate(self, k: int) -> Any:
-        """True slip and speeds; forces and slip stiffness are unknown at one instant: NaN."""
+        """True slip and speeds; forces and slip stiffness are unknown at one instant: NaN.
+
+        Slip is that of each wheel in its own plane: in a turn the inner ones go more slowly.
+        """
         s = self._s
-        v, rims = s.v[k], s.rim_speed[k]
+        rims = s.rim_speed[k]
         n = len(s.names)
         kind: Any = self._types['traction_interfaces/msg/SlipEstimate']
         return kind(
             header=self._header(k, 'base_link'),
             wheel_names=s.names,
-            slip=np.array([slip(v, rim) for rim in rims]),
+            slip=s.slip[k],
             slip_variance=np.zeros(n),
-            valid=np.array([is_valid(v, rim, MIN_SPEED) for rim in rims]),
+            valid=np.array(
+                [is_valid(v, rim, MIN_SPEED) for v, rim in zip(s.wheel_v[k], rims, strict=True)]
+            ),
             wheel_based_speed=rims,
-            ground_based_speed=v,
+            ground_based_speed=s.v[k],
             ground_based_speed_variance=0.0,
             ground_based_speed_valid=True,
             source=kind.SOURCE_SIMULATED,
@@ -178,7 +201,6 @@ class Messages:
         unknown = np.full(n, np.nan)
         since = slice(max(0, k - TERRAIN_STEP + 1), k + 1)
         gross_traction = s.gross_traction(since)
-        accelerating = (s.force[since].sum(axis=1) - s.drawbar[since]).mean()
         return self._types['traction_interfaces/msg/TerrainEstimate'](
             header=self._header(k, 'base_link'),
             wheel_names=s.names,
@@ -191,27 +213,26 @@ class Messages:
             sinkage=s.sinkage[k],
             sinkage_variance=np.zeros(n),
             valid=np.ones(n, dtype=bool),
-            external_resistance=float(gross_traction.sum() - accelerating),
+            external_resistance=float(gross_traction.sum() - s.accelerating[since].mean()),
             external_resistance_variance=0.0,
         )
 
     def odometry(self, k: int) -> Any:
-        """True position, pitch and speed."""
+        """True position, attitude and speed."""
         types, s = self._types, self._s
         # Nose up is a negative turn about y, which points left (REP-103).
-        half = -0.5 * s.pitch[k]
+        attitude = Rotation.from_euler('ZYX', [s.yaw[k], -s.pitch[k], s.roll[k]])
+        x, y, z, w = map(float, attitude.as_quat(canonical=True))
         pose = types['geometry_msgs/msg/Pose'](
-            position=types['geometry_msgs/msg/Point'](x=s.x[k], y=0.0, z=0.0),
-            orientation=types['geometry_msgs/msg/Quaternion'](
-                x=0.0, y=np.sin(half), z=0.0, w=np.cos(half)
-            ),
+            position=types['geometry_msgs/msg/Point'](x=s.x[k], y=s.y[k], z=0.0),
+            orientation=types['geometry_msgs/msg/Quaternion'](x=x, y=y, z=z, w=w),
         )
         return types['nav_msgs/msg/Odometry'](
             header=self._header(k, 'odom'),
             child_frame_id='base_link',
             pose=types['geometry_msgs/msg/PoseWithCovariance'](pose=pose, covariance=np.zeros(36)),
             twist=types['geometry_msgs/msg/TwistWithCovariance'](
-                twist=self._twist(s.v[k]), covariance=np.zeros(36)
+                twist=self._twist(s.v[k], s.v_y[k], s.yaw_rate[k]), covariance=np.zeros(36)
             ),
         )
 
@@ -231,10 +252,10 @@ class Messages:
             effort=effort,
         )
 
-    def _twist(self, speed: float) -> Any:
+    def _twist(self, speed: float, sideways: float = 0.0, turning: float = 0.0) -> Any:
         vector = self._types['geometry_msgs/msg/Vector3']
         return self._types['geometry_msgs/msg/Twist'](
-            linear=vector(x=speed, y=0.0, z=0.0), angular=vector(x=0.0, y=0.0, z=0.0)
+            linear=vector(x=speed, y=sideways, z=0.0), angular=vector(x=0.0, y=0.0, z=turning)
         )
 
 
@@ -294,7 +315,7 @@ def remake(name: str, bags: Path) -> None:
 
 
 def import_csv(source: Path, bags: Path) -> None:
-    """Compress the CSV of every run into the folder of its bag.
+    """Compress the CSV of every run into the folder of its bag, and that of the wheel rig.
 
     Parameters
     ----------
@@ -303,14 +324,15 @@ def import_csv(source: Path, bags: Path) -> None:
     bags : Path
         Folder of all bags.
     """
-    for name in CHRONO_RUNS:
-        (bags / name).mkdir(parents=True, exist_ok=True)
-        target = bags / name / f'{name}.csv.xz'
+    packed = {f'{name}.csv': bags / name / f'{name}.csv.xz' for name in CHRONO_RUNS}
+    packed['wheel_rig.csv'] = bags / RIG_FILE
+    for name, target in packed.items():
+        target.parent.mkdir(parents=True, exist_ok=True)
         with (
-            (source / f'{name}.csv').open('rb') as plain,
-            lzma.open(target, 'wb', preset=9 | lzma.PRESET_EXTREME) as packed,
+            (source / name).open('rb') as plain,
+            lzma.open(target, 'wb', preset=9 | lzma.PRESET_EXTREME) as compressed,
         ):
-            shutil.copyfileobj(plain, packed)
+            shutil.copyfileobj(plain, compressed)
 
 
 def make_bags(

@@ -14,7 +14,7 @@ class Drawbar:
     Attributes
     ----------
     pull : float
-        Draft at rest, N, at least 0.
+        Draft at rest, N; negative: the vehicle is towed along its motion.
     pull_per_speed : float
         Growth with speed, N*s/m, at least 0.
     ramp : float
@@ -26,7 +26,9 @@ class Drawbar:
     ramp: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ('pull', 'pull_per_speed', 'ramp'):
+        if not math.isfinite(self.pull):
+            raise ValueError(f'drawbar pull must be finite, got {self.pull}')
+        for name in ('pull_per_speed', 'ramp'):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0):
                 raise ValueError(f'drawbar {name} must be finite and at least 0, got {value}')

@@ -1,0 +1,132 @@
+"""Steady points of Chrono's wheel rig: one wheel on fresh soil, against the contact form.
+
+The rig moves a wheel at a given speed, wheel speed and slip angle, free to sink under its load.
+Geometry, load, slip and soil of the points are drawn by a Sobol sequence. The model goes
+straight, so it is compared where the slip angle is 0.
+
+Chrono's pressure modulus is k_phi + k_c*inv_b, with inv_b the contact patch's perimeter over twice
+its area, where Bekker's has 1/b. The points hold inv_b, so both are tried.
+"""
+
+import csv
+import lzma
+import math
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from traction_model.contact.contact import Form
+from traction_model.contact.tractive import steady_contact
+from traction_model.soil.soil import Soil
+from traction_model.vehicle.wheel import Wheel
+
+RIG_FILE = 'wheel_rig.csv.xz'
+"""Name of the points' file in the folder of the bags."""
+
+COLUMNS = (
+    'r', 'b', 'load', 'v', 'omega', 'slip', 'alpha', 'k_phi', 'k_c', 'n', 'c', 'phi_deg', 'K',
+    'Fx', 'My', 'sinkage', 'inv_b',
+)  # fmt: skip
+"""What is read, SI units but `phi_deg` in degrees; forces are those of the soil on the wheel."""
+
+DAMPING, ELASTIC_MODULUS = 3e4, 4e7
+"""Of the soil in all points, Pa*s/m and Pa/m."""
+
+
+class RigErrors(NamedTuple):
+    """Errors of the contact form at points of the rig, model less Chrono.
+
+    Attributes
+    ----------
+    slip, load_per_area : ndarray, shape (n,)
+        Slip, dimensionless, and load over width and radius, Pa, of the points.
+    force : ndarray, shape (n,)
+        Of the net force along the motion, over load, dimensionless.
+    moment : ndarray, shape (n,)
+        Of the soil's moment, over radius and load, dimensionless.
+    sinkage : ndarray, shape (n,)
+        Over Chrono's sinkage, dimensionless.
+    """
+
+    slip: NDArray[np.float64]
+    load_per_area: NDArray[np.float64]
+    force: NDArray[np.float64]
+    moment: NDArray[np.float64]
+    sinkage: NDArray[np.float64]
+
+
+def read_rig(path: str | Path) -> dict[str, NDArray[np.float64]]:
+    """Read the points without slip angle.
+
+    Parameters
+    ----------
+    path : str or Path
+        CSV file with a header line, compressed by xz.
+
+    Returns
+    -------
+    dict of str to ndarray
+        `COLUMNS`, in their units.
+
+    Raises
+    ------
+    ValueError
+        Naming the file and the column that is missing.
+    """
+    with lzma.open(path, 'rt', encoding='utf-8') as file:
+        names, *rows = csv.reader(file)
+    for name in COLUMNS:
+        if name not in names:
+            raise ValueError(f'{path}: column {name} is missing')
+    columns = dict(zip(names, np.array(rows, dtype=float).T, strict=True))
+    straight = columns['alpha'] == 0
+    return {name: columns[name][straight] for name in COLUMNS}
+
+
+def rig_errors(points: dict[str, NDArray[np.float64]], *, told_patch: bool) -> RigErrors:
+    """Errors of the contact form in steady motion at the points.
+
+    Parameters
+    ----------
+    points : dict of str to ndarray
+        As of `read_rig`.
+    told_patch : bool
+        True to take Chrono's pressure modulus, False for Bekker's k_phi + k_c/b.
+
+    Returns
+    -------
+    RigErrors
+        One entry a point, dimensionless.
+    """
+    errors = []
+    for values in zip(*(points[name] for name in COLUMNS), strict=True):
+        at = dict(zip(COLUMNS, map(float, values), strict=True))
+        per_width = at['inv_b'] if told_patch else 1 / at['b']
+        soil = Soil(
+            cohesive_modulus=0.0,
+            frictional_modulus=at['k_phi'] + at['k_c'] * per_width,
+            sinkage_exponent=at['n'],
+            cohesion=at['c'],
+            friction_angle=math.radians(at['phi_deg']),
+            shear_deformation_modulus=at['K'],
+            damping=DAMPING,
+            elastic_modulus=ELASTIC_MODULUS,
+        )
+        wheel = Wheel(radius=at['r'], width=at['b'], inertia=1.0)
+        speed = max(at['v'], at['omega'] * at['r'])
+        sinkage, thrust, resistance, moment = steady_contact(
+            soil, wheel, at['slip'], at['load'], Form.CONTACT, speed
+        )
+        errors.append(
+            (
+                at['slip'],
+                at['load'] / (at['b'] * at['r']),
+                (thrust - resistance - at['Fx']) / at['load'],
+                # Chrono's moment is that on the wheel.
+                (-moment - at['My']) / (at['r'] * at['load']),
+                sinkage / at['sinkage'] - 1,
+            )
+        )
+    return RigErrors(*np.array(errors).T)
