@@ -9,6 +9,7 @@ its area, where Bekker's has 1/b. The points hold inv_b, so both are tried.
 """
 
 import csv
+import itertools
 import lzma
 import math
 from pathlib import Path
@@ -17,8 +18,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from traction_evaluation.markdown import Target, table
 from traction_model.contact.contact import Form
 from traction_model.contact.tractive import steady_contact
+from traction_model.soil.empirical import rms
 from traction_model.soil.soil import Soil
 from traction_model.vehicle.wheel import Wheel
 
@@ -35,13 +38,20 @@ DAMPING, ELASTIC_MODULUS = 3e4, 4e7
 """Of the soil in all points, Pa*s/m and Pa/m."""
 
 
+LIMIT = 0.002
+"""RMS of each error, told Chrono's pressure modulus."""
+
+SLIPS = (-0.5, -0.2, 0.0, 0.2, 0.5, 0.8)
+"""Ends of the ranges of slip that the table tells apart."""
+
+
 class RigErrors(NamedTuple):
     """Errors of the contact form at points of the rig, model less Chrono.
 
     Attributes
     ----------
-    slip, load_per_area : ndarray, shape (n,)
-        Slip, dimensionless, and load over width and radius, Pa, of the points.
+    slip : ndarray, shape (n,)
+        Slip of the points, -1 to 1.
     force : ndarray, shape (n,)
         Of the net force along the motion, over load, dimensionless.
     moment : ndarray, shape (n,)
@@ -51,7 +61,6 @@ class RigErrors(NamedTuple):
     """
 
     slip: NDArray[np.float64]
-    load_per_area: NDArray[np.float64]
     force: NDArray[np.float64]
     moment: NDArray[np.float64]
     sinkage: NDArray[np.float64]
@@ -122,7 +131,6 @@ def rig_errors(points: dict[str, NDArray[np.float64]], *, told_patch: bool) -> R
         errors.append(
             (
                 at['slip'],
-                at['load'] / (at['b'] * at['r']),
                 (thrust - resistance - at['Fx']) / at['load'],
                 # Chrono's moment is that on the wheel.
                 (-moment - at['My']) / (at['r'] * at['load']),
@@ -130,3 +138,64 @@ def rig_errors(points: dict[str, NDArray[np.float64]], *, told_patch: bool) -> R
             )
         )
     return RigErrors(*np.array(errors).T)
+
+
+def rig_table(told: RigErrors, untold: RigErrors) -> str:
+    """RMS and greatest errors, over all points and by slip.
+
+    Parameters
+    ----------
+    told, untold : RigErrors
+        With Chrono's pressure modulus and with Bekker's.
+
+    Returns
+    -------
+    str
+        Markdown, %.
+    """
+    rows = []
+    for name, found in (('told the patch', told), ('k_c/b', untold)):
+        ranges = [('all', np.ones_like(found.slip, dtype=bool))]
+        ranges += [
+            (f'{low:g} to {high:g}', (found.slip >= low) & (found.slip < high))
+            for low, high in itertools.pairwise(SLIPS)
+        ]
+        for text, chosen in ranges:
+            row = [name, text, str(int(chosen.sum()))]
+            for error in (found.force, found.moment, found.sinkage):
+                row.append(f'{100 * rms(error[chosen]):.3f}')
+                row.append(f'{100 * np.abs(error[chosen]).max():.2f}')
+            rows.append(row)
+    headings = (
+        'pressure modulus', 'slip', 'points', 'Fx over load, RMS', 'max', 'My over r·load, RMS',
+        'max', 'sinkage, RMS', 'max',
+    )  # fmt: skip
+    return table(headings, rows)
+
+
+def rig_targets(told: RigErrors) -> list[Target]:
+    """Targets of the rig, told Chrono's pressure modulus.
+
+    Parameters
+    ----------
+    told : RigErrors
+        Dimensionless.
+
+    Returns
+    -------
+    list of Target
+        Of force, moment and sinkage.
+    """
+    return [
+        Target(
+            f'wheel rig, {len(error)} points: RMS of {what}',
+            f'{100 * rms(error):.3f} %',
+            f'at most {100 * LIMIT:g} %',
+            rms(error) <= LIMIT,
+        )
+        for what, error in (
+            ('Fx over load', told.force),
+            ('My over r·load', told.moment),
+            ('sinkage', told.sinkage),
+        )
+    ]

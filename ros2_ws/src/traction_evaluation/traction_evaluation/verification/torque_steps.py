@@ -1,0 +1,103 @@
+"""Steps of torque: how Chrono's wheels ring after them, which the quasi-static form does not.
+
+Chrono's soil keeps the shear that it has seen under the wheel, and a slow wheel swings on it like
+on a spring. The contact form takes the shear of steady motion at every instant.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from traction_evaluation.markdown import table
+from traction_evaluation.verification.chrono import SAMPLE_TIME, ChronoRecording
+from traction_evaluation.verification.run_errors import FollowedRuns
+
+Array = NDArray[np.float64]
+
+STEPPED_RUNS = ('tractor_steps_slow', 'tractor_steps_medium')
+STEPPED_WHEELS = ('fl', 'rl')
+AVERAGED = 0.2
+"""Time over which means are taken, s."""
+
+FROM = 6.0
+"""When the first step comes, s."""
+
+
+def moving_mean(values: Array, duration: float = AVERAGED) -> Array:
+    """Moving mean about every sample; at the ends, the first and last values go on.
+
+    Parameters
+    ----------
+    values : ndarray, shape (k,)
+        Samples, any unit.
+    duration : float
+        s.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        In the unit of the samples.
+    """
+    half = round(duration / SAMPLE_TIME / 2)
+    padded = np.pad(values, half, mode='edge')
+    return np.convolve(padded, np.full(2 * half + 1, 1 / (2 * half + 1)), 'valid')
+
+
+def ringing(omega: Array) -> tuple[float, float]:
+    """RMS and frequency of what a wheel speed does about its moving mean.
+
+    Parameters
+    ----------
+    omega : ndarray, shape (k,)
+        rad/s, every 5 ms.
+
+    Returns
+    -------
+    rms, frequency : float
+        rad/s, and where the spectrum has its peak, Hz.
+    """
+    swing = omega - moving_mean(omega)
+    power = np.abs(np.fft.rfft(swing)) ** 2
+    frequencies = np.fft.rfftfreq(len(swing), SAMPLE_TIME)
+    return float(np.sqrt(np.mean(swing**2))), float(frequencies[np.argmax(power)])
+
+
+def step_table(recordings: Mapping[str, ChronoRecording], runs: FollowedRuns) -> str:
+    """Ringing of the stepped wheels and what it does to the errors, sinkage predicted.
+
+    Parameters
+    ----------
+    recordings : mapping of str to ChronoRecording
+        Runs by name.
+    runs : FollowedRuns
+        The same, followed.
+
+    Returns
+    -------
+    str
+        Markdown; rad/s, Hz, dimensionless.
+    """
+    rows = []
+    for name in STEPPED_RUNS:
+        recording, motion = recordings[name], runs.motions[name, False]
+        first = len(recording.t) - len(motion.t)
+        stepped = motion.t >= FROM
+        for wheel in STEPPED_WHEELS:
+            j = recording.vehicle.wheel_names.index(wheel)
+            omegas = [each[:, j][stepped] for each in (recording.omega[first:], motion.omega)]
+            slips = [each[:, j][stepped] for each in (recording.slip[first:], motion.slip)]
+            swing, frequency = ringing(omegas[0])
+            row = [name, wheel, f'{recording.v[first:][stepped].mean():.2f}', f'{swing:.3f}']
+            row += [f'{ringing(omegas[1])[0]:.3f}', f'{frequency:.1f}']
+            for (chronos, ours), digits in ((omegas, 3), (slips, 4)):
+                smooth = moving_mean(ours) - moving_mean(chronos)
+                row.append(f'{np.abs(ours - chronos).mean():.{digits}f}')
+                row.append(f'{np.abs(smooth).mean():.{digits}f}')
+            rows.append(row)
+    headings = (
+        'run', 'wheel', 'speed, m/s', 'Chrono rings, rad/s RMS', 'the model', 'at, Hz',
+        'mean error of ω', f'of {AVERAGED:g} s means', 'mean error of slip',
+        f'of {AVERAGED:g} s means',
+    )  # fmt: skip
+    return table(headings, rows)
