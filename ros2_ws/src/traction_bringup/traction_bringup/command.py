@@ -318,13 +318,20 @@ def evaluate(
     quick: Annotated[
         bool, typer.Option('--quick', help='Short run: 16 trials, and four fixed PIs on 4.')
     ] = False,
+    estimation_only: Annotated[
+        bool,
+        typer.Option('--estimation-only', help='Only the section on the bags, in a report there.'),
+    ] = False,
 ) -> None:
     """Evaluate slip control in closed loop, and estimation: control.md.
 
     The exit status is 2 if a target is missed.
     """
     from traction_evaluation.closed_loop.report import evaluate as run_evaluation
+    from traction_evaluation.closed_loop.report import evaluate_estimation
 
+    if estimation_only:
+        raise typer.Exit(evaluate_estimation(docs, bags, quick=quick))
     raise typer.Exit(
         run_evaluation(
             docs,

@@ -111,6 +111,31 @@ def section(path: Path, heading: str) -> str:
     return rest.partition('\n## ')[0].strip()
 
 
+def replace_section(path: Path, heading: str, text: str) -> None:
+    """Write a section of a report anew and leave the others as they are.
+
+    Parameters
+    ----------
+    path : Path
+        Markdown file.
+    heading : str
+        The section's heading line, ``## `` included.
+    text : str
+        Without heading.
+
+    Raises
+    ------
+    ValueError
+        If the file has no such section.
+    """
+    whole = path.read_text(encoding='utf-8')
+    before, found, rest = whole.partition(f'\n{heading}\n')
+    if not found:
+        raise ValueError(f"{path} has no section '{heading}'")
+    _, following, after = rest.partition('\n## ')
+    path.write_text(f'{before}{found}\n{text}\n{following}{after}', encoding='utf-8')
+
+
 def said(targets: Sequence[Target]) -> Iterable[str]:
     """Targets as lines for a terminal.
 

@@ -19,7 +19,7 @@ from traction_model.vehicle.vehicle import load_vehicle
 from traction_node.stamp import nanoseconds
 
 METHODS = ('ukf', 'ekf', 'scheduled_gain')
-# The other two spin at up to 56 m/s.
+# Straight ahead with smooth torque, and not at up to 56 m/s as two others.
 TRACTOR_SPEED = (
     'wheel_drawbar', 'wheel_torque_sine', 'wheel_soft_patch', 'tractor_sandy_loam',
     'tractor_soft_patch',
@@ -146,9 +146,12 @@ def soil_change(
 
 
 def bags_section(
-    bags: Path, run: Callable[[str, Callable[..., Any], list[Any]], list[Any]], quick: bool = False
-) -> tuple[dict[str, str], list[Target]]:
-    """Tables of the bags and of the changes of soil.
+    bags: Path,
+    run: Callable[[str, Callable[..., Any], list[Any]], list[Any]],
+    commit: str,
+    quick: bool = False,
+) -> tuple[str, list[Target]]:
+    """Section of the recorded runs: errors of slip, and changes of soil.
 
     Parameters
     ----------
@@ -156,13 +159,15 @@ def bags_section(
         Folder of the bags.
     run : callable
         Maps a function over arguments, as `Workers.map`.
+    commit : str
+        Commit of the evaluation.
     quick : bool
         True: only the shipped Kalman filter.
 
     Returns
     -------
-    values : dict of str to str
-        Values for the template.
+    text : str
+        Without heading.
     targets : list of Target
         Targets of the best Kalman filter.
 
@@ -269,7 +274,9 @@ def bags_section(
         'sigma': f'{RADAR_SIGMA:g}',
         'radar_rate': f'{1 / (RADAR_EVERY * SAMPLE_TIME):g}',
     }  # fmt: skip
-    return values, targets
+    template = Path(__file__).with_name('bags.template.md')
+    checks = target_table(targets)
+    return fill(template, **values, commit=commit, bag_checks=checks).strip(), targets
 
 
 def field_section(folder: Path) -> tuple[str, list[Target]]:

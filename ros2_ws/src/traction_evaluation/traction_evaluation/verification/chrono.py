@@ -169,8 +169,9 @@ def read_chrono(path: str | Path, run: ChronoRun) -> ChronoRecording:
         return np.column_stack([columns[f'{name}_{wheel}'] for wheel in vehicle.wheel_names])
 
     try:
+        t, v, x = (columns[name] for name in ('t', 'v', 'x'))
         force = wheels('fx')
-        wheel_v = np.repeat(columns['v'][:, np.newaxis], force.shape[1], axis=1)
+        wheel_v = np.repeat(v[:, np.newaxis], force.shape[1], axis=1)
         if run.steered:
             wheel_v = wheels('vx')
             steer = np.zeros_like(force)
@@ -178,8 +179,8 @@ def read_chrono(path: str | Path, run: ChronoRun) -> ChronoRecording:
                 steer[:, vehicle.wheel_names.index(wheel)] = columns[side]
             force = force * np.cos(steer) - wheels('fy') * np.sin(steer)
         recording = ChronoRecording(
-            run, vehicle, columns, columns['t'], columns['v'], columns['x'],
-            wheels('torque'), wheels('omega'), wheels('sinkage'), force, wheel_v,
+            run, vehicle, columns, t, v, x, wheels('torque'), wheels('omega'),
+            wheels('sinkage'), force, wheel_v,
         )  # fmt: skip
     except KeyError as error:
         raise ValueError(f'{path}: column {error.args[0]} is missing') from error

@@ -161,6 +161,8 @@ def rig_table(told: RigErrors, untold: RigErrors) -> str:
             for low, high in itertools.pairwise(SLIPS)
         ]
         for text, chosen in ranges:
+            if not chosen.any():
+                continue
             row = [name, text, str(int(chosen.sum()))]
             for error in (found.force, found.moment, found.sinkage):
                 row.append(f'{100 * rms(error[chosen]):.3f}')

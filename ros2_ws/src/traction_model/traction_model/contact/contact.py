@@ -408,7 +408,7 @@ def arc_stresses(
     shear : float
         Earlier shear displacement of the soil, m.
     shear_step : float
-        Time of shear before contact, s: 0, or the time step of a simulation to reproduce.
+        Time of shear before contact, s: 0, or half the time step of a simulation to reproduce.
 
     Returns
     -------

@@ -136,7 +136,7 @@ def simulate(
     multipass : bool
         True: wheels run in the ruts of those before them. False: undisturbed soil.
     shear_step : float
-        Time of shear before contact, s, at least 0: 0, or the time step of a simulation to
+        Time of shear before contact, s, at least 0: 0, or half the time step of a simulation to
         reproduce, which integrates shear in whole steps.
     t0 : float
         Time of the first sample, s.
