@@ -320,7 +320,9 @@ def evaluate(
     ] = False,
     estimation_only: Annotated[
         bool,
-        typer.Option('--estimation-only', help='Only the section on the bags, in a report there.'),
+        typer.Option(
+            '--estimation-only', help='Only the section on the bags, in an existing report.'
+        ),
     ] = False,
 ) -> None:
     """Evaluate slip control in closed loop, and estimation: control.md.

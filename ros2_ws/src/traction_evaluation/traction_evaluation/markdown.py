@@ -112,7 +112,7 @@ def section(path: Path, heading: str) -> str:
 
 
 def replace_section(path: Path, heading: str, text: str) -> None:
-    """Write a section of a report anew and leave the others as they are.
+    """Replace a section of a report.
 
     Parameters
     ----------

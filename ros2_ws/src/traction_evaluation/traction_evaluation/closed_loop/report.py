@@ -213,7 +213,7 @@ def evaluate(
 
 
 def evaluate_estimation(docs: Path, bags: Path, *, quick: bool = False) -> int:
-    """Evaluate estimation on the bags alone and write that section of the report anew.
+    """Evaluate only estimation on the bags, and rewrite that section of the report.
 
     Parameters
     ----------
@@ -222,22 +222,22 @@ def evaluate_estimation(docs: Path, bags: Path, *, quick: bool = False) -> int:
     bags : Path
         Folder of Project Chrono's bags.
     quick : bool
-        True for the Kalman filter that ships alone.
+        True: only the shipped Kalman filter.
 
     Returns
     -------
     int
-        Exit status: 0, or 2 where a target is missed.
+        Exit status: 0, or 2 if a target is missed.
 
     Raises
     ------
     ValueError
-        If the report is not there, or was written by other parameters than those that ship.
+        If the report does not exist, or was written with other parameters than the shipped ones.
     """
     report = docs / 'control.md'
     if not report.is_file() or written_digest(report) != digest():
         raise ValueError(
-            f'{report} was not written by the parameters that ship: evaluate all of it'
+            f'{report} was not written with the shipped parameters: run the whole evaluation'
         )
     console = Console(width=None if sys.stdout.isatty() else 190)
     with Workers(console) as workers:

@@ -1,4 +1,4 @@
-"""What each part of the contact form is worth on Chrono's runs, sinkage predicted."""
+"""Effect of each part of the contact form on its errors on the Chrono runs, sinkage predicted."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -23,7 +23,7 @@ ABLATIONS: tuple[tuple[str, dict[str, Any], dict[str, Any]], ...] = (
 def ablate(
     recordings: Mapping[str, ChronoRecording], progress: Callable[[], None]
 ) -> dict[str, dict[str, Errors]]:
-    """Follow all runs with one part of the model changed at a time.
+    """Simulate all runs with one part of the model changed at a time.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def ablate(
     Returns
     -------
     dict of str to dict of str to Errors
-        By what is changed and by run; m/s, rad/s, dimensionless.
+        Errors by change and run; m/s, rad/s, dimensionless.
     """
     found: dict[str, dict[str, Errors]] = {}
     for text, arguments, changes in ABLATIONS:

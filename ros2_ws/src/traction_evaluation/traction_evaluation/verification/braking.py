@@ -1,8 +1,8 @@
-"""The braked run: brakes in steps to lock, a tow that holds the speed, against the contact form.
+"""Braked run: brakes applied in steps to lock, a tow that holds the speed, and the contact form.
 
-A brake's torque depends on the motion: with the recorded torque a locked wheel of the model would
-begin to turn backward as soon as its soil gives way a little sooner than Chrono's. So the model
-gets the brakes' demand and the law by which they act.
+The torque of a brake depends on the motion. With the recorded torque a locked wheel of the model
+turns backward if its soil moment is slightly below that of Chrono. So the simulation uses the
+demand on the brakes and their law.
 """
 
 import numpy as np
@@ -21,25 +21,25 @@ Array = NDArray[np.float64]
 BRAKED_RUN = 'tractor_braked'
 
 TIMES = (0.0, 1.0, 3.0, 4.0, 6.0, 7.0, 9.0, 10.0, 11.0, 11.5)
-"""When the demand has a corner, s."""
+"""Times of the points of the demand, s."""
 
 DEMAND = {
     'front': (0, 500, 500, 1000, 1000, 1400, 1400, 3000, 3000, 600),
     'rear': (0, 1500, 1500, 3000, 3000, 4500, 4500, 9000, 9000, 2000),
 }
-"""Torque that the brakes of a wheel are asked for at these times, N*m, linear in between."""
+"""Demanded brake torque per wheel at these times, N·m, linear in between."""
 
 FULL_BRAKE = 0.3
-"""Wheel speed from which on a brake acts in full, rad/s; below, in proportion."""
+"""Wheel speed of full brake torque, rad/s; below it the torque is proportional to the speed."""
 
 TOW_ENDS = (12.0, 13.0)
-"""From when on the tow fades, and when it is gone, s."""
+"""Start and end of the fade of the tow, s."""
 
 PLATEAUS = ((2.0, 3.0), (5.0, 6.0), (8.0, 9.0), (10.5, 11.0), (11.6, 12.0))
-"""When demand and speed are steady, s."""
+"""Intervals of constant demand and speed, s."""
 
 STEP = 1e-3
-"""Time for which a brake's torque is held, s, as in Chrono."""
+"""Time step of the brake torque, s, as in Chrono."""
 
 
 def brake_torque(t: float, omega: Array) -> Array:
@@ -55,7 +55,7 @@ def brake_torque(t: float, omega: Array) -> Array:
     Returns
     -------
     ndarray, shape (4,)
-        N*m, against the rotation.
+        N·m, against the rotation.
     """
     front, rear = (np.interp(t, TIMES, DEMAND[axle]) for axle in ('front', 'rear'))
     demand = np.array([front, front, rear, rear])
@@ -70,7 +70,7 @@ def tow(t: float, drawbar: Drawbar) -> Drawbar:
     t : float
         Time, s.
     drawbar : Drawbar
-        The tow before it fades, N.
+        Tow before the fade, N.
 
     Returns
     -------
@@ -122,9 +122,9 @@ def braking_tables(recording: ChronoRecording, motion: Motion, found: Errors) ->
     Parameters
     ----------
     recording : ChronoRecording
-        The run as Chrono had it.
+        Recording of Chrono.
     motion : Motion
-        The run as `follow_braked` has it, SI units.
+        Motion from `follow_braked`, SI units.
     found : Errors
         Errors of the run: m/s, rad/s, dimensionless.
 

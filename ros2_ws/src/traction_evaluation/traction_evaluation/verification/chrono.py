@@ -40,7 +40,7 @@ class ChronoRun:
     drawbar : Drawbar
         Draft, N.
     steered : bool
-        True where the front wheels were steered.
+        True: the front wheels are steered.
     """
 
     vehicle: str
@@ -81,7 +81,7 @@ CHRONO_RUNS = {
     ),
     'tractor_steps_slow': _tractor(9000, 5000),
     'tractor_steps_medium': _tractor(6000, 3000),
-    # Towed towards 3 m/s; the tow goes from 12 s on and is gone at 13 s.
+    # Towed towards 3 m/s; the tow fades from 12 to 13 s.
     'tractor_braked': _tractor(-90000, 30000),
     'turn_left': _tractor(2000, 1500, steered=True),
     'turn_slalom': _tractor(2000, 1500, steered=True),
@@ -105,13 +105,13 @@ class ChronoRecording:
     t : ndarray, shape (k,)
         Time, s.
     v, x : ndarray, shape (k,)
-        Speed, m/s, and distance, m, of the middle of the rear axle; where the run was steered, x
-        is the place along the direction of the start.
+        Speed, m/s, and position, m, of the middle of the rear axle, along the path; with steering,
+        position along the initial heading.
     torque, omega, sinkage, net_force : ndarray, shape (k, n)
         Drive torque, N·m; wheel speed, rad/s; sinkage of the wheel, m, negative off the ground;
         net horizontal force of the soil on the wheel along the vehicle, N.
     wheel_v : ndarray, shape (k, n)
-        Speed of the wheel's centre in its own plane, m/s: v where the run went straight.
+        Speed of the wheel centre in the plane of the wheel, m/s; v without steering.
     """
 
     run: ChronoRun

@@ -92,8 +92,8 @@ class Samples:
         if measured is None:
             pull = drawbar.pull + drawbar.pull_per_speed * self.v
             measured = pull * np.minimum(1.0, self.time / drawbar.ramp)
-        # In a turn the centre of gravity, ahead of the rear axle, is accelerated sideways, too:
-        # m*v' = F + m*yaw'*(v_y + l*yaw'), along the vehicle.
+        # Force along the vehicle at the centre of gravity, l ahead of the rear axle, in a turn:
+        # m*(v' - yaw'*(v_y + l*yaw')) = F.
         ahead, _ = recording.vehicle.centre_of_gravity
         turning = self.yaw_rate * (self.v_y + ahead * self.yaw_rate)
         self.accelerating = self.force.sum(axis=1) - measured + recording.vehicle.mass * turning
@@ -161,7 +161,7 @@ class Messages:
     def slip_estimate(self, k: int) -> Any:
         """True slip and speeds; forces and slip stiffness are unknown at one instant: NaN.
 
-        Slip is that of each wheel in its own plane: in a turn the inner ones go more slowly.
+        Slip of each wheel is in its own plane, with the speed of its own centre.
         """
         s = self._s
         rims = s.rim_speed[k]

@@ -1,6 +1,7 @@
-"""The paper's Table 3: errors of its own model, of its form on our runs, and of the contact form.
+"""Table 3 of the paper: errors of its model, of its form on our runs, and of the contact form.
 
-Chrono's runs are ours, made as the paper tells; the paper's model ran against runs of its own.
+The Chrono runs are our own, with the data in the paper. The paper compares its model with other
+runs.
 """
 
 from collections.abc import Mapping
@@ -34,9 +35,9 @@ PAPER_AREA = 0.224
 
 
 def follow_at_constant_area(recording: ChronoRecording, area: float = PAPER_AREA) -> Motion:
-    """Simulate a single wheel's run by the paper's own LPV model, (22) and (29), at a constant A.
+    """Simulate a run of one wheel with the LPV model of the paper, (22) and (29), at constant A.
 
-    As in the paper, Chrono's sinkage is an input and the load is the weight.
+    As in the paper, sinkage of Chrono is an input and the load is the weight.
 
     Parameters
     ----------
@@ -50,7 +51,7 @@ def follow_at_constant_area(recording: ChronoRecording, area: float = PAPER_AREA
     Motion
         The model's motion at Chrono's samples, SI units.
     """
-    # Loaded on first use: it takes longer to load than the rest of the package.
+    # Imported on demand, since the import takes longer than that of the rest of the package.
     from scipy.integrate import solve_ivp
 
     first = first_sample(recording)

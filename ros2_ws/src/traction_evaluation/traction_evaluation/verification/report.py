@@ -88,21 +88,21 @@ def verify(docs: Path, bags: Path, field_data: Path | None = None) -> int:
     docs : Path
         Folder of ``verification.md`` and of ``images``.
     bags : Path
-        Folder of the bags, with Project Chrono's recordings.
+        Folder of the bags, with the recordings of Project Chrono.
     field_data : Path, optional
-        Folder of the field data; without it the section of the sand bed stays as it is.
+        Folder of the field data; without it the section of the sand bed is kept.
 
     Returns
     -------
     int
-        Exit status: 0, or 1 where a target is missed.
+        Exit status: 0, or 1 if a target is missed.
 
     Raises
     ------
     ValueError
-        If a recording is not there.
+        If a recording does not exist.
     """
-    # A file has no width of its own.
+    # Output to a file has no terminal width.
     console = Console(width=None if sys.stdout.isatty() else 150)
     images = docs / 'images'
     images.mkdir(parents=True, exist_ok=True)
@@ -150,7 +150,7 @@ def verify(docs: Path, bags: Path, field_data: Path | None = None) -> int:
     else:
         sand_bed = section(docs / 'verification.md', SAND_BED_HEADING)
         bed_targets = []
-        console.print('sand bed: section left as it was: no field data were given')
+        console.print('sand bed: section kept: no field data given')
     for line in said([*targets, *bed_targets]):
         console.print(line, highlight=False)
 

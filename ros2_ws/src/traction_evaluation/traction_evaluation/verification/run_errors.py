@@ -1,4 +1,4 @@
-"""Chrono's runs followed in every form of the contact model: tables of errors."""
+"""Simulation of the Chrono runs with every form of the contact model, and tables of errors."""
 
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
@@ -24,7 +24,7 @@ DIGITS = (3, 3, 3, 3, 4, 4)
 
 
 class FollowedRuns(NamedTuple):
-    """Chrono's runs followed by the model.
+    """Simulations of the Chrono runs.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class FollowedRuns(NamedTuple):
 def follow_runs(
     recordings: Mapping[str, ChronoRecording], progress: Callable[[], None]
 ) -> FollowedRuns:
-    """Follow all runs in all forms, sinkage predicted and fed.
+    """Simulate all runs with all forms, sinkage predicted and fed.
 
     Parameters
     ----------

@@ -11,11 +11,11 @@ from traction_evaluation.verification.soil_bin import Comparison
 from traction_model.soil.empirical import rms
 
 SAND_BED = 'single_wheel_sand.csv'
-"""File of the field data, measured by C. Pavlov and A. M. Johnson, Carnegie Mellon University
-(3d-terramechanics), and not part of this project."""
+"""File of the field data: C. Pavlov and A. M. Johnson, Carnegie Mellon University
+(3d-terramechanics); not part of this project."""
 
 SAND_BED_LIMIT = 0.05
-"""RMS of drawbar over load, fitted, on the tested half."""
+"""Limit of the RMS error of drawbar over load, fitted, on the tested half."""
 
 
 def sand_bed_section(comparisons: Mapping[str, Comparison]) -> str:
@@ -64,7 +64,7 @@ def sand_bed_target(comparisons: Mapping[str, Comparison]) -> Target:
     Returns
     -------
     Target
-        Of the tested half of all wheels.
+        Target of the tested half of all wheels.
     """
     tested = np.concatenate(
         [each.errors(each.fitted, each.tested_half) for each in comparisons.values()]

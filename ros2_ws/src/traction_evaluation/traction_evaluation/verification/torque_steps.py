@@ -1,7 +1,7 @@
-"""Steps of torque: how Chrono's wheels ring after them, which the quasi-static form does not.
+"""Oscillation of wheels in Chrono after steps of torque, and the quasi-static contact form.
 
-Chrono's soil keeps the shear that it has seen under the wheel, and a slow wheel swings on it like
-on a spring. The contact form takes the shear of steady motion at every instant.
+Soil in Chrono stores its shear displacement under the wheel, so that a slow wheel oscillates on it
+as on a spring. The contact form has the shear displacement of steady motion at every instant.
 """
 
 from collections.abc import Mapping
@@ -18,14 +18,14 @@ Array = NDArray[np.float64]
 STEPPED_RUNS = ('tractor_steps_slow', 'tractor_steps_medium')
 STEPPED_WHEELS = ('fl', 'rl')
 AVERAGED = 0.2
-"""Time over which means are taken, s."""
+"""Window of the moving mean, s."""
 
 FROM = 6.0
-"""When the first step comes, s."""
+"""Time of the first step, s."""
 
 
 def moving_mean(values: Array, duration: float = AVERAGED) -> Array:
-    """Moving mean about every sample; at the ends, the first and last values go on.
+    """Centred moving mean, with the first and last values repeated at the ends.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def moving_mean(values: Array, duration: float = AVERAGED) -> Array:
 
 
 def ringing(omega: Array) -> tuple[float, float]:
-    """RMS and frequency of what a wheel speed does about its moving mean.
+    """RMS and frequency of the deviation of a wheel speed from its moving mean.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def ringing(omega: Array) -> tuple[float, float]:
     Returns
     -------
     rms, frequency : float
-        rad/s, and where the spectrum has its peak, Hz.
+        rad/s, and frequency of the peak of the spectrum, Hz.
     """
     swing = omega - moving_mean(omega)
     power = np.abs(np.fft.rfft(swing)) ** 2
@@ -64,7 +64,7 @@ def ringing(omega: Array) -> tuple[float, float]:
 
 
 def step_table(recordings: Mapping[str, ChronoRecording], runs: FollowedRuns) -> str:
-    """Ringing of the stepped wheels and what it does to the errors, sinkage predicted.
+    """Oscillation of the wheels with steps of torque, and errors, sinkage predicted.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def step_table(recordings: Mapping[str, ChronoRecording], runs: FollowedRuns) ->
                 row.append(f'{np.abs(smooth).mean():.{digits}f}')
             rows.append(row)
     headings = (
-        'run', 'wheel', 'speed, m/s', 'Chrono rings, rad/s RMS', 'the model', 'at, Hz',
+        'run', 'wheel', 'speed, m/s', 'oscillation in Chrono, rad/s RMS', 'in the model', 'at, Hz',
         'mean error of ω', f'of {AVERAGED:g} s means', 'mean error of slip',
         f'of {AVERAGED:g} s means',
     )  # fmt: skip

@@ -1,13 +1,12 @@
-"""The model against Chrono's runs, by the protocol of Agriculture 2024, 14(3), 499, section 3.
+"""Verification against Chrono, by the protocol of Agriculture 2024, 14(3), 499, section 3.
 
-The model starts from Chrono's state at 0.3 s and takes Chrono's torque. Sinkage is the model's own
-(*predicted*), or Chrono's (*fed*; from equilibrium where it is not positive). Errors are those of
-the paper's Table 3. Nothing is fitted.
+The model starts from Chrono's state at 0.3 s with Chrono's torque. Sinkage is computed by the
+model (*predicted*), or Chrono's (*fed*; of equilibrium if it is not positive). Errors are those
+of the paper's Table 3. No parameter is fitted.
 
-Chrono counts shear displacement by whole time steps: soil that a wheel touched a moment ago counts
-as sheared for a whole step, and on the average soil counts as sheared for half a step too long.
-Above some 10 m/s a rim slides farther than K in that time. The switch `whole_steps` gives soil
-this half step; it is off unless named.
+Chrono integrates shear displacement in whole time steps: soil in contact for part of a step counts
+as sheared for the whole step, half a step too long on average. Above 10 m/s a rim slides farther
+than K in that time. The switch `whole_steps` adds this half step. It is off by default.
 """
 
 import math
@@ -53,7 +52,7 @@ class Errors(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """A run as a model had it, where no forces are asked for; k samples, n wheels.
+    """Simulated motion without forces; k samples, n wheels.
 
     Attributes
     ----------
@@ -80,22 +79,19 @@ LIMITS = {
     'wheel_high_slip': _UNLIMITED,
     'tractor_sandy_loam': _SLOW,
     'tractor_soft_patch': _SLOW,
-    # Chrono's wheels ring after a step of torque, and the quasi-static form does not.
+    # Wheels in Chrono oscillate after a step of torque; the quasi-static form does not.
     'tractor_steps_slow': _SLOW._replace(slip_mean=math.inf),
     'tractor_steps_medium': _SLOW,
     'tractor_braked': _SLOW,
 }
-"""What the contact form is held to with its own sinkage: m/s, rad/s, dimensionless.
-
-The limits are those of rims below 11 m/s.
-"""
+"""Limits of the contact form, for rim speeds below 11 m/s: m/s, rad/s, dimensionless."""
 
 FOLLOWED = tuple(name for name in LIMITS if name != 'tractor_braked')
-"""Runs that are followed with Chrono's torque."""
+"""Runs simulated with the torque of the recording."""
 
 
 def first_sample(recording: ChronoRecording) -> int:
-    """Number of the sample from which on a run is followed, dimensionless."""
+    """Index of the first sample of the simulation, dimensionless."""
     return int(np.searchsorted(recording.t, START - SAMPLE_TIME / 2))
 
 
@@ -119,10 +115,9 @@ def follow(
     fed : bool
         True: sinkage from Chrono. False: predicted sinkage.
     terrain : Terrain, optional
-        Soils in place of the run's own.
+        Soils that replace those of the run.
     whole_steps : bool
-        Whether shear is counted as by whole steps of `CHRONO_STEP`, half a step too long on the
-        average.
+        True: shear displacement as from whole steps of `CHRONO_STEP`, half a step longer.
     multipass : bool
         True: wheels run in the ruts of those before them. False: undisturbed soil.
 
@@ -158,9 +153,9 @@ def errors(recording: ChronoRecording, motion: Trajectory | Motion) -> Errors:
     Parameters
     ----------
     recording : ChronoRecording
-        The run as Chrono had it.
+        Recording of Chrono.
     motion : Trajectory or Motion
-        The run as simulated, to its end.
+        Simulated motion, to the end of the run.
 
     Returns
     -------
@@ -189,7 +184,7 @@ def exceeded(found: Errors, limits: Errors) -> list[str]:
     found : Errors
         Errors of a run: m/s, rad/s, dimensionless.
     limits : Errors
-        What they are held to, in the same units; infinite where they are held to nothing.
+        Limits, in the same units; infinite if there is none.
 
     Returns
     -------

@@ -1,11 +1,11 @@
-"""Steady points of Chrono's wheel rig: one wheel on fresh soil, against the contact form.
+"""Wheel rig of Chrono: steady states of one wheel on undisturbed soil, and the contact form.
 
-The rig moves a wheel at a given speed, wheel speed and slip angle, free to sink under its load.
-Geometry, load, slip and soil of the points are drawn by a Sobol sequence. The model goes
-straight, so it is compared where the slip angle is 0.
+The rig prescribes speed, wheel speed and slip angle; the wheel sinks under its load. Geometry,
+load, slip and soil come from a Sobol sequence. The model has no slip angle, so only points with
+slip angle 0 are used.
 
-Chrono's pressure modulus is k_phi + k_c*inv_b, with inv_b the contact patch's perimeter over twice
-its area, where Bekker's has 1/b. The points hold inv_b, so both are tried.
+The pressure modulus of Chrono is k_phi + k_c*inv_b, with inv_b the perimeter of the contact patch
+over twice its area. Bekker's is k_phi + k_c/b. The points contain inv_b, so both are compared.
 """
 
 import csv
@@ -26,23 +26,23 @@ from traction_model.soil.soil import Soil
 from traction_model.vehicle.wheel import Wheel
 
 RIG_FILE = 'wheel_rig.csv.xz'
-"""Name of the points' file in the folder of the bags."""
+"""Name of the file of the points, in the folder of the bags."""
 
 COLUMNS = (
     'r', 'b', 'load', 'v', 'omega', 'slip', 'alpha', 'k_phi', 'k_c', 'n', 'c', 'phi_deg', 'K',
     'Fx', 'My', 'sinkage', 'inv_b',
 )  # fmt: skip
-"""What is read, SI units but `phi_deg` in degrees; forces are those of the soil on the wheel."""
+"""Columns in use, in SI units, `phi_deg` in degrees; forces of the soil on the wheel."""
 
 DAMPING, ELASTIC_MODULUS = 3e4, 4e7
-"""Of the soil in all points, Pa*s/m and Pa/m."""
+"""Damping and elastic modulus of the soil in all points, Pa·s/m and Pa/m."""
 
 
 LIMIT = 0.002
-"""RMS of each error, told Chrono's pressure modulus."""
+"""Limit of the RMS of each error with Chrono's pressure modulus, dimensionless."""
 
 SLIPS = (-0.5, -0.2, 0.0, 0.2, 0.5, 0.8)
-"""Ends of the ranges of slip that the table tells apart."""
+"""Ends of the ranges of slip in the table."""
 
 
 class RigErrors(NamedTuple):
@@ -102,7 +102,7 @@ def rig_errors(points: dict[str, NDArray[np.float64]], *, told_patch: bool) -> R
     points : dict of str to ndarray
         As of `read_rig`.
     told_patch : bool
-        True to take Chrono's pressure modulus, False for Bekker's k_phi + k_c/b.
+        True: pressure modulus of Chrono. False: Bekker's k_phi + k_c/b.
 
     Returns
     -------
@@ -132,7 +132,7 @@ def rig_errors(points: dict[str, NDArray[np.float64]], *, told_patch: bool) -> R
             (
                 at['slip'],
                 (thrust - resistance - at['Fx']) / at['load'],
-                # Chrono's moment is that on the wheel.
+                # My is the moment on the wheel.
                 (-moment - at['My']) / (at['r'] * at['load']),
                 sinkage / at['sinkage'] - 1,
             )
@@ -176,17 +176,17 @@ def rig_table(told: RigErrors, untold: RigErrors) -> str:
 
 
 def rig_targets(told: RigErrors) -> list[Target]:
-    """Targets of the rig, told Chrono's pressure modulus.
+    """Targets of the rig with Chrono's pressure modulus.
 
     Parameters
     ----------
     told : RigErrors
-        Dimensionless.
+        Errors with `told_patch`, dimensionless.
 
     Returns
     -------
     list of Target
-        Of force, moment and sinkage.
+        Targets of force, moment and sinkage.
     """
     return [
         Target(
