@@ -133,7 +133,8 @@ def replace_section(path: Path, heading: str, text: str) -> None:
     if not found:
         raise ValueError(f"{path} has no section '{heading}'")
     _, following, after = rest.partition('\n## ')
-    path.write_text(f'{before}{found}\n{text}\n{following}{after}', encoding='utf-8')
+    end = f'{following}{after}' if following else ''
+    path.write_text(f'{before}{found}\n{text}\n{end}', encoding='utf-8')
 
 
 def said(targets: Sequence[Target]) -> Iterable[str]:
