@@ -6,6 +6,7 @@ from typing import Any
 from traction_evaluation.markdown import table
 from traction_evaluation.verification.chrono import ChronoRecording
 from traction_evaluation.verification.verification import Errors, errors, follow
+from traction_model.soil.soil import load_soil
 from traction_model.soil.terrain import Terrain
 
 # (text, arguments of `follow`, changes of every soil)
@@ -41,10 +42,10 @@ def ablate(
     for text, arguments, changes in ABLATIONS:
         found[text] = {}
         for name, recording in recordings.items():
-            terrain = recording.run.terrain()
-            soils = [soil.model_copy(update=changes) for soil in terrain.soils]
-            changed = Terrain(soils, terrain.starts[1:].tolist())
-            found[text][name] = errors(recording, follow(recording, terrain=changed, **arguments))
+            run = recording.run
+            soils = [load_soil(soil).model_copy(update=changes) for soil in run.soils]
+            terrain = Terrain(soils, run.starts)
+            found[text][name] = errors(recording, follow(recording, terrain=terrain, **arguments))
             progress()
     return found
 

@@ -162,5 +162,5 @@ def braking_tables(recording: ChronoRecording, motion: Motion, found: Errors) ->
 
 def _by_axle(values: Array) -> Array:
     """Mean of front and of rear wheels, or the mean of a speed, in the unit of the values."""
-    mean = values.mean(axis=0)
-    return np.atleast_1d(mean).reshape(-1, min(2, mean.size)).mean(axis=1)
+    mean = np.atleast_1d(values.mean(axis=0))
+    return np.asarray(mean.reshape(-1, min(2, mean.size)).mean(axis=1))
