@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from traction_evaluation.verification.braking import PLATEAUS
 from traction_evaluation.verification.chrono import ChronoRecording
 from traction_evaluation.verification.run_errors import FollowedRuns
-from traction_evaluation.verification.torque_steps import STEPPED_RUNS, STEPPED_WHEELS
+from traction_evaluation.verification.torque_steps import FROM, STEPPED_RUNS, STEPPED_WHEELS
 from traction_evaluation.verification.verification import Array, Motion
 from traction_evaluation.verification.wheel_rig import RigErrors
 from traction_model.simulation.simulate import Trajectory
@@ -83,11 +83,12 @@ def draw_steps(recordings: Mapping[str, ChronoRecording], runs: FollowedRuns, pa
     for name, row in zip(STEPPED_RUNS, axes, strict=True):
         recording, motion = recordings[name], runs.motions[name, False]
         first = slice(len(recording.t) - len(motion.t), None)
+        shown = motion.t >= FROM - 1.0
         for wheel, axis in zip(STEPPED_WHEELS, row, strict=True):
             j = recording.vehicle.wheel_names.index(wheel)
-            _pair(axis, motion.t, recording.omega[first, j], motion.omega[:, j])
+            chronos, ours = recording.omega[first, j], motion.omega[:, j]
+            _pair(axis, motion.t[shown], chronos[shown], ours[shown])
             axis.set_title(f'{name}, {wheel}')
-            axis.set_xlim(5, 13.5)
             axis.set_ylabel('wheel speed, rad/s')
     for axis in axes[-1]:
         axis.set_xlabel('time, s')
