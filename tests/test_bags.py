@@ -80,7 +80,7 @@ def test_bag_holds_its_run(name):
     np.testing.assert_array_equal(valid, np.maximum(abs(v), abs(rim)) >= 0.3)
     driving = valid & (rim >= v) & (v > 0)
     braking = valid & (rim < v) & (rim > 0)
-    assert (driving | braking).mean() > 0.9
+    assert (driving | braking).mean() > 0.7
     assert (braking if name == 'tractor_braked' else driving).mean() > 0.5
     np.testing.assert_allclose(slip[driving], (1 - v / np.where(rim == 0, 1, rim))[driving])
     np.testing.assert_allclose(slip[braking], (rim / np.where(v == 0, 1, v) - 1)[braking])

@@ -110,7 +110,7 @@ def integrated(v, omega, z, z_rate, soil, r, b):
         return quad(lambda s: -(z_rate + v * math.tan(s)) * r * math.cos(s) / v, th, leaving)[0]
 
     last = leaving
-    if soil.elastic_modulus:
+    if soil.elastic_modulus and peak > 0:
         last = brentq(lambda th: soil.elastic_modulus * risen(th) - peak, -1.5, leaving - 1e-9)
     # Where rim and ground go at the same speed, and where soil begins to spring back,
     # integrands have a kink.
