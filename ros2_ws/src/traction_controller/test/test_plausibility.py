@@ -16,8 +16,9 @@ PULL = [0.3 * load * radius for load, radius in zip(TRACTOR.static_loads(), RADI
 class Drive:
     """Readings of a tractor at 2 m/s and 20 % slip, never equal twice."""
 
-    def __init__(self, **settings):
+    def __init__(self, step=0.0, **settings):
         self.check = Plausibility(TRACTOR, **settings)
+        self.step = [step] * 4
         self.t = 0.0
         self.steps = 0
 
@@ -31,7 +32,8 @@ class Drive:
             for j, (s, r) in enumerate(zip(scale, RADII, strict=True))
         ]
         try:
-            self.check.wheels(self.t, omega, [pull * ripple * torque for torque in PULL], v)
+            torque = [pull * ripple * torque for torque in PULL]
+            self.check.wheels(self.t, omega, torque, v, self.step)
         except ImplausibleError as error:
             return str(error)
         return ''
@@ -123,7 +125,8 @@ def test_steps_of_a_bus_are_not_stuck():
 
 
 def test_pulses_and_standing_wheels_repeat_themselves():
-    counted = Drive(tachometer_pulses=60.0)
+    # 60 pulses a turn, counted over 10 ms.
+    counted = Drive(step=2.0 * math.pi / 60 / 0.01)
     assert counted.last(100, stuck=(0, 1, 2, 3)) == ''
     standing = Drive()
     assert standing.last(100, scale=(0.0,) * 4, v=0.0) == ''
@@ -152,3 +155,95 @@ def test_stuck_radar_is_not_believed(drive):
         drive.last(5)
         believed.append(drive.check.speed('radar', drive.t, V))
     assert believed == [True] * 7 + [False] * 5
+
+
+class CountedDrive:
+    """The tractor again, at a speed of its own, with tachometers that count pulses over 10 ms."""
+
+    def __init__(self, pulses):
+        self.check = Plausibility(TRACTOR)
+        self.pulse = 2.0 * math.pi / pulses
+        self.t = 0.0
+        self.angle, self.counted = [0.0] * 4, [0] * 4
+
+    def read(self, rim, v, pull, extra=0, standing=False):
+        """One reading, the first wheel `standing` or `extra` pulses on; why it is refused."""
+        self.t += 0.01
+        omega = []
+        for j, radius in enumerate(RADII):
+            # No two wheels count at the same moment.
+            self.angle[j] += (1.0 + 0.001 * j) * rim / radius * 0.01
+            before, self.counted[j] = self.counted[j], math.floor(self.angle[j] / self.pulse)
+            omega.append((self.counted[j] - before) * self.pulse / 0.01)
+        omega[0] = 0.0 if standing else omega[0] + extra * self.pulse / 0.01
+        step = [self.pulse / 0.01] * 4
+        try:
+            self.check.wheels(self.t, omega, [pull * torque for torque in PULL], v, step)
+        except ImplausibleError as error:
+            return str(error)
+        self.check.speed('radar', self.t, v)
+        return ''
+
+
+@pytest.mark.parametrize('pulses', [60, 100, 200, 400, 1000, 4000])
+def test_pulling_away_on_counted_pulses_is_never_refused(pulses):
+    drive = CountedDrive(pulses)
+    for k in range(1000):
+        # 0.5 m/s^2 up to 3 m/s, pulling, at 15 % of slip: many samples have no pulse.
+        v = min(0.005 * k, 3.0)
+        assert drive.read(v / 0.85, v, 1.0) == ''
+
+
+@pytest.mark.parametrize('extra', [-1, 1])
+def test_a_pulse_back_or_forth_at_standstill_is_normal(extra):
+    drive = CountedDrive(1000)
+    for k in range(100):
+        assert drive.read(0.0, 0.0, 0.5, extra=extra if k == 20 else 0) == ''
+    assert all(drive.read(0.01 * k / 0.9, 0.01 * k, 1.0) == '' for k in range(200))
+
+
+def test_a_counted_wheel_that_stands_while_it_drives_is_told():
+    drive = CountedDrive(60)
+    assert all(drive.read(2.4, 2.0, 1.0) == '' for _ in range(200))
+    # No pulse in 0.3 s: at most 0.35 rad/s.
+    told = [drive.read(2.4, 2.0, 1.0, standing=True) for _ in range(30)]
+    assert told[-1] == "wheel 'fl' drives, yet is slower than the ground"
+    assert told[1] == ''
+
+
+def test_a_first_reading_of_nought_on_the_move_is_soon_behind():
+    drive = Drive()
+    said = [drive.read(scale=(0.0,) * 4, pull=0.0)]
+    for _ in range(100):
+        drive.check.speed('radar', drive.t, V)
+        said.append(drive.read(pull=0.0))
+    assert 'jumps' in said[1]
+    # A trial of 0.2 s.
+    assert said[22:] == [''] * 79
+
+
+def test_without_a_speed_over_ground_wheels_that_agree_are_believed_after_a_while():
+    drive = Drive()
+    drive.read(scale=(0.0,) * 4, pull=0.0, v=math.nan)
+    said = [drive.read(pull=0.0, v=math.nan) for _ in range(300)]
+    assert 'jumps' in said[150]
+    assert said[205:] == [''] * 95
+
+
+def test_a_tachometer_that_times_its_pulses_holds_a_speed_between_them():
+    # 60 pulses a turn, from standstill up to 3 rad/s, down to 1 and up again: one each 35 ms and
+    # more.
+    pulse = 2.0 * math.pi / 60
+    check = Plausibility(TRACTOR)
+    angle, held, last = 0.0, [0.0] * 4, 0.0
+    for k in range(1, 2000):
+        t = 0.01 * k
+        omega = min(t, 2.0 - math.cos(0.5 * t))
+        angle += omega * 0.01
+        if angle >= pulse:
+            angle -= pulse
+            # When the pulse came, to the timer's resolution.
+            came = t - angle / omega
+            held, last = [pulse / (came - last)] * 4, came
+        torque = [(0.5 + 0.3 * math.sin(t)) * pull for pull in PULL]
+        check.wheels(t, held, torque, 0.6 * omega)

@@ -269,9 +269,8 @@ def test_estimation_refuses(fault):
 
 @pytest.mark.parametrize(
     ('fault', 'value'),
-    [('tachometer_pulses', -1.0), ('radar_latency', 0.6), ('gnss_latency', math.nan),
-     ('radar_min_speed', -0.1)],
-)  # fmt: skip
+    [('radar_latency', 0.6), ('gnss_latency', math.nan), ('radar_min_speed', -0.1)],
+)
 def test_estimation_refuses_what_sensors_cannot_be(fault, value):
     with pytest.raises(ValueError, match=f'{fault} must be 0 to'):
         SlipFilter(load_vehicle('single_wheel_rig'), load_soil('paper_sand'), **{fault: value})

@@ -10,6 +10,7 @@ import yaml
 
 from traction_controller.estimation.immobilisation import Level
 from traction_controller.estimation.slip_filter import SlipFilter, Source
+from traction_controller.estimation.tachometer import Tachometers
 from traction_controller.estimation.vehicle_estimator import Health, VehicleEstimator
 from traction_controller.nodes.slip_estimator import SlipEstimatorBehaviour
 from traction_model.contact.tractive import tractive_figures
@@ -81,14 +82,17 @@ def test_slip_is_the_filters_with_the_same_parameters():
     )  # fmt: skip
     whole = VehicleEstimator.from_parameters(p)
     alone = SlipFilter(
-        RIG, SAND, whole.slip_filter.noise, 0.2, 1.0, 0.01, method='ekf', tachometer_pulses=100.0,
+        RIG, SAND, whole.slip_filter.noise, 0.2, 1.0, 0.01, method='ekf',
         radar_latency=0.03, radar_min_speed=0.1, gnss_latency=0.02,
     )  # fmt: skip
+    tachometers = Tachometers(1, 100.0)
     assert (alone.noise.slip, alone.noise.soil, alone.noise.speed) == (0.05, 0.02, 0.04)
     for k in range(60):
         t, omega = 0.01 * k, [OMEGA + 0.01 * k]
+        whole.wheel_states(t, omega, [TORQUE])
+        tachometers.update(t, np.array(omega))
+        alone.wheel_states(t, omega, [TORQUE], tachometers.pulse, tachometers.counted)
         for one in (whole, alone):
-            one.wheel_states(t, omega, [TORQUE])
             one.radar(t, V, 0.0)
         whole.gnss_velocity(t, V, 0.0)
         alone.gnss(t, V, 0.0)

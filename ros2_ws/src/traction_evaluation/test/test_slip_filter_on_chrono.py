@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from traction_controller.estimation.slip_filter import EstimatorNoise, SlipFilter
+from traction_controller.estimation.tachometer import Tachometers
 from traction_evaluation.closed_loop.trial import steady_pull
 from traction_evaluation.verification import chrono_bags as make_bags
 from traction_model.simulation.sensors import Tachometer
@@ -206,16 +207,16 @@ def test_late_and_out_of_order_as_if_in_time(chrono, method):
 def test_coarse_encoder_does_not_read_as_slip(chrono, name, most):
     recording = chrono(name)
     tachometer = Tachometer(len(recording.vehicle.wheels), 60)
-    estimation = SlipFilter(
-        recording.vehicle, load_soil(recording.run.soils[0]), tachometer_pulses=60
-    )
+    estimation = SlipFilter(recording.vehicle, load_soil(recording.run.soils[0]))
+    found = Tachometers(len(recording.vehicle.wheels))
     noise = np.random.default_rng(make_bags.SEEDS[name]).normal(0.0, RADAR_SIGMA, len(recording.t))
     errors, deviations, raw = [], [], []
     for k in range(0, len(recording.t), 2):
         t = recording.t[k]
         turning = recording.omega[max(k - 1, 0) : k + 1].mean(axis=0)
         reading = tachometer.read(turning, 0.01)
-        estimation.wheel_states(t, reading, recording.torque[k])
+        found.update(t, reading)
+        estimation.wheel_states(t, reading, recording.torque[k], found.pulse, found.counted)
         if k % 20 == 0:
             estimation.radar(t, recording.v[k] + noise[k], RADAR_SIGMA**2)
         if t >= 2.0:

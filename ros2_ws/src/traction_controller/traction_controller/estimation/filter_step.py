@@ -83,8 +83,10 @@ WHEEL_MEMORY = np.dtype(
         ('mean_innovation', float),
         # Distance since standstill up to which its moment is not used, m; -1: soil never changed.
         ('held_until', float),
-        # Filter of the counted angle: angle ahead of the count, rad; its variance, rad^2; its
-        # covariance with the wheel speed, rad^2/s.
+        # Filter of the counted angle: angle from pulse to pulse, rad, 0 while none are counted;
+        # angle ahead of the count, rad; its variance, rad^2; its covariance with the wheel speed,
+        # rad^2/s.
+        ('pulse', float),
         ('angle_ahead', float),
         ('angle_variance', float),
         ('angle_omega_covariance', float),
@@ -135,8 +137,6 @@ class Noise(NamedTuple):
         Standard deviation of a reading of an ideal tachometer, rad/s.
     wheel_acceleration : float
         Random walk of the wheel speed between pulses, as a share of it, 1/sqrt(s).
-    pulse : float
-        Angle from pulse to pulse, rad; 0 for an ideal tachometer.
     min_speed : float
         Speed below which slip is not used, m/s.
     """
@@ -147,8 +147,26 @@ class Noise(NamedTuple):
     slip: float
     wheel_speed: float
     wheel_acceleration: float
-    pulse: float
     min_speed: float
+
+
+class WheelSample(NamedTuple):
+    """Reading of all wheels, n of them.
+
+    Attributes
+    ----------
+    omega, torque : ndarray, shape (n,)
+        Wheel speeds, rad/s, and shaft torques, N·m, forward positive.
+    pulse : ndarray, shape (n,)
+        Angle from pulse to pulse of each tachometer, rad; 0 where it does not count.
+    counted : ndarray, shape (n,)
+        Angle that each tachometer has counted in this reading, rad, forward positive.
+    """
+
+    omega: Array
+    torque: Array
+    pulse: Array
+    counted: Array
 
 
 class Body(NamedTuple):
@@ -207,6 +225,8 @@ STEADY_DRAWBAR, STEADY_TIME = 0.3, 1.5
 # difference of the expected angle from the middle of the pulse, in half pulses; growth of the
 # variance of the speed, as a share of (excess over one period)^2.
 MIN_WALKING, COUNT_SLACK, UNEXPECTED_SPEED = 1.0, 1.2, 0.05
+# Change of the angle from pulse to pulse, as a share, up to which the count goes on.
+SAME_PULSE = 0.01
 # Smallest load of a wheel over its static load, and largest drawbar over the weight.
 MIN_LOAD, MAX_DRAWBAR = 0.2, 0.5
 
@@ -239,35 +259,61 @@ def reset_soil(x, p, wheel, changed, keep):
 
 
 @kernel
-def count_pulses(kept, reading, dt, noise):
+def start_count(kept, pulse, omega, noise):
+    """Initialise the angle behind a tachometer's pulses, in place.
+
+    Parameters
+    ----------
+    kept : record
+        Record of `WHEEL_MEMORY`, SI units.
+    pulse : float
+        Angle from pulse to pulse, rad; 0: none are counted.
+    omega : float
+        Wheel speed, rad/s.
+    noise : Noise
+        SI units.
+    """
+    kept.pulse = pulse
+    kept.omega = omega
+    kept.omega_variance = noise.wheel_speed**2
+    if pulse > 0.0:
+        # The first count has an unknown period, so it gives the angle but not the speed.
+        kept.angle_ahead = pulse / 2.0
+        kept.angle_variance = pulse**2 / 12.0
+        kept.angle_omega_covariance = 0.0
+        kept.omega_variance = 1.0 + (0.5 * omega) ** 2
+
+
+@kernel
+def count_pulses(kept, counted, dt, noise):
     """Estimate wheel angle and speed from counted tachometer pulses, in place.
 
-    A reading is a difference of counted angles over time, so its integral is the counted angle.
     The true angle lies between the counted angle and one pulse more.
 
     Parameters
     ----------
     kept : record
         Record of `WHEEL_MEMORY`, SI units.
-    reading : float
-        Reading of the tachometer, rad/s.
+    counted : float
+        Angle counted since the last reading, rad.
     dt : float
         Time since the last reading, s, above 0.
     noise : Noise
         SI units.
     """
-    kept.angle_ahead += (kept.omega - reading) * dt
+    pulse = kept.pulse
+    kept.angle_ahead += kept.omega * dt - counted
     kept.angle_variance += dt * (2.0 * kept.angle_omega_covariance + dt * kept.omega_variance)
     kept.angle_omega_covariance += dt * kept.omega_variance
     walk = noise.wheel_acceleration * max(abs(kept.omega), MIN_WALKING)
     kept.omega_variance += walk**2 * dt
-    innovation = noise.pulse / 2.0 - kept.angle_ahead
+    innovation = pulse / 2.0 - kept.angle_ahead
     # The error of a count is bounded by a pulse: a larger difference is a change of speed.
-    excess = abs(innovation) - COUNT_SLACK * noise.pulse / 2.0
+    excess = abs(innovation) - COUNT_SLACK * pulse / 2.0
     if excess > 0.0:
         kept.omega_variance += UNEXPECTED_SPEED * (excess / dt) ** 2
     # Variance of a uniform distribution over a pulse: pulse^2/12.
-    total = kept.angle_variance + noise.pulse**2 / 12.0
+    total = kept.angle_variance + pulse**2 / 12.0
     of_angle, of_omega = kept.angle_variance / total, kept.angle_omega_covariance / total
     kept.angle_ahead += of_angle * innovation
     kept.omega += of_omega * innovation
@@ -296,15 +342,15 @@ def reset_curve(kept):
 
 
 @kernel
-def initialise(t, omega, torque, x, p, wheel_memory, vehicle_memory, body, noise):
+def initialise(t, sample, x, p, wheel_memory, vehicle_memory, body, noise):
     """Initialise from the first reading of the wheels, in place.
 
     Parameters
     ----------
     t : float
         Time, s.
-    omega, torque : ndarray, shape (n,)
-        Wheel speeds, rad/s, and shaft torques, N·m, forward positive.
+    sample : WheelSample
+        The reading, SI units.
     x, p : ndarray
         State and covariance in SI units, see `update_wheels`.
     wheel_memory, vehicle_memory : ndarray
@@ -316,17 +362,12 @@ def initialise(t, omega, torque, x, p, wheel_memory, vehicle_memory, body, noise
     """
     trip = vehicle_memory[0]
     trip.time = t
+    omega, torque = sample.omega, sample.torque
     rims = np.empty(omega.size)
     for j in range(omega.size):
         wheel, kept = body.wheels[j], wheel_memory[j]
         rims[j] = wheel[RADIUS] * omega[j]
-        kept.omega = omega[j]
-        kept.omega_variance = noise.wheel_speed**2
-        if noise.pulse > 0.0:
-            # The first count has an unknown period, so it gives the angle but not the speed.
-            kept.angle_ahead = noise.pulse / 2.0
-            kept.angle_variance = noise.pulse**2 / 12.0
-            kept.omega_variance = 1.0 + (0.5 * omega[j]) ** 2
+        start_count(kept, sample.pulse[j], omega[j], noise)
         kept.smooth_omega = omega[j]
         kept.smooth_drive = torque[j] - wheel[FRICTION] * omega[j]
         kept.moment = kept.smooth_drive
@@ -339,15 +380,15 @@ def initialise(t, omega, torque, x, p, wheel_memory, vehicle_memory, body, noise
 
 
 @kernel
-def predict(t, omega, torque, x, p, wheel_memory, vehicle_memory, ruts, body, noise):
+def predict(t, sample, x, p, wheel_memory, vehicle_memory, ruts, body, noise):
     """Predict the state at the next reading of the wheels, in place.
 
     Parameters
     ----------
     t : float
         Time, s, after that of `vehicle_memory`.
-    omega, torque : ndarray, shape (n,)
-        Wheel speeds, rad/s, and shaft torques, N·m, forward positive.
+    sample : WheelSample
+        The reading, SI units.
     x, p : ndarray
         State and covariance in SI units, see `update_wheels`.
     wheel_memory, vehicle_memory : ndarray
@@ -359,6 +400,7 @@ def predict(t, omega, torque, x, p, wheel_memory, vehicle_memory, ruts, body, no
     noise : Noise
         SI units.
     """
+    omega, torque = sample.omega, sample.torque
     n, m = omega.size, x.size
     mass = body.mass
     trip = vehicle_memory[0]
@@ -375,10 +417,12 @@ def predict(t, omega, torque, x, p, wheel_memory, vehicle_memory, ruts, body, no
     for j in range(n):
         wheel, kept = body.wheels[j], wheel_memory[j]
         before = kept.omega
-        if noise.pulse > 0.0:
-            count_pulses(kept, omega[j], dt, noise)
-        else:
-            kept.omega = omega[j]
+        pulse = sample.pulse[j]
+        if pulse == 0.0 or abs(pulse - kept.pulse) > SAME_PULSE * pulse:
+            start_count(kept, pulse, omega[j] if pulse == 0.0 else before, noise)
+        kept.pulse = pulse
+        if pulse > 0.0:
+            count_pulses(kept, sample.counted[j], dt, noise)
         drive = torque[j] - wheel[FRICTION] * kept.omega
         # The same filter on drive torque and wheel acceleration, so that their difference
         # M = T - I*d(omega)/dt is the filtered moment.
@@ -533,7 +577,7 @@ def update_moments(method, x, p, wheel_memory, vehicle_memory, ruts, body, noise
             h[entries[a]] = slope[a]
         per_slip = slope[0] * fastest
         # Variance of the slip from the error of the wheel speed, with counted pulses only.
-        blurred = noise.pulse > 0.0
+        blurred = kept.pulse > 0.0
         by_pulses = (per_slip * radius / fastest) ** 2 * kept.omega_variance if blurred else 0.0
         innovation = kept.moment - expected
         unsettled = 1.0 + START_EXTRA * math.exp(-travelled / (START_LENGTH * radius))
@@ -568,7 +612,7 @@ def update_moments(method, x, p, wheel_memory, vehicle_memory, ruts, body, noise
 
 
 @kernel
-def update_wheels(method, t, omega, torque, x, p, wheel_memory, vehicle_memory, ruts, body, noise):
+def update_wheels(method, t, sample, x, p, wheel_memory, vehicle_memory, ruts, body, noise):
     """Predict, and update with a reading of all wheels after the first, in place.
 
     Parameters
@@ -577,8 +621,8 @@ def update_wheels(method, t, omega, torque, x, p, wheel_memory, vehicle_memory, 
         A `traction_controller.estimation.kalman.Method`.
     t : float
         Time, s, after that of `vehicle_memory`.
-    omega, torque : ndarray, shape (n,)
-        Wheel speeds, rad/s, and shaft torques, N·m, forward positive.
+    sample : WheelSample
+        The reading, SI units.
     x : ndarray, shape (2 + 3n,)
         State: m/s, N, logarithms.
     p : ndarray, shape (2 + 3n, 2 + 3n)
@@ -594,7 +638,7 @@ def update_wheels(method, t, omega, torque, x, p, wheel_memory, vehicle_memory, 
     noise : Noise
         SI units.
     """
-    predict(t, omega, torque, x, p, wheel_memory, vehicle_memory, ruts, body, noise)
+    predict(t, sample, x, p, wheel_memory, vehicle_memory, ruts, body, noise)
     update_moments(method, x, p, wheel_memory, vehicle_memory, ruts, body, noise)
 
 

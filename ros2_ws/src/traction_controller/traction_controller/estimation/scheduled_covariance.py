@@ -21,6 +21,7 @@ from traction_controller.estimation.filter_step import (
     WHEEL_MEMORY,
     Body,
     Noise,
+    WheelSample,
     initialise,
     reset_soil,
     update_speed,
@@ -137,6 +138,7 @@ class _SteadyDrive:
         self._body = body._replace(wheels=wheels)
         soil = np.empty((1, body.soils.shape[1]))
         self._omega, self._torque, self._drawbar = np.zeros(n), np.zeros(n), 0.0
+        self._sample = WheelSample(self._omega, self._torque, np.zeros(n), np.zeros(n))
         for j, wheel in enumerate(wheels):
             self._omega[j] = v / (1.0 - slipping) / wheel[RADIUS]
             moment, resistance, *_ = quasi_static(
@@ -149,8 +151,8 @@ class _SteadyDrive:
 
     def initialise(self, unknown_drawbar: float, nominal: float) -> None:
         initialise(
-            0.0, self._omega, self._torque, self._x, self._p, self._wheel_memory,
-            self._vehicle_memory, self._body, self._noise,
+            0.0, self._sample, self._x, self._p, self._wheel_memory, self._vehicle_memory,
+            self._body, self._noise,
         )  # fmt: skip
         self._x[SPEED], self._x[DRAWBAR] = self._v, self._drawbar
         self._p[SPEED, SPEED] = self._speed_variance
@@ -177,9 +179,9 @@ class _SteadyDrive:
             self._x[SPEED], self._x[DRAWBAR] = self._v, self._drawbar
             self._x[FIRST_WHEEL:] = 0.0
             update_wheels(
-                int(Method.EKF), self._vehicle_memory['time'][0] + WHEEL_PERIOD, self._omega,
-                self._torque, self._x, self._p, self._wheel_memory, self._vehicle_memory,
-                self._ruts, self._body, self._noise,
+                int(Method.EKF), self._vehicle_memory['time'][0] + WHEEL_PERIOD, self._sample,
+                self._x, self._p, self._wheel_memory, self._vehicle_memory, self._ruts,
+                self._body, self._noise,
             )  # fmt: skip
             if measured and (steps - k) % every == every - 1:
                 update_speed(self._x, self._p, self._v, self._speed_variance)

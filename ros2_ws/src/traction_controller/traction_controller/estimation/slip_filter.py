@@ -33,6 +33,7 @@ from traction_controller.estimation.filter_step import (
     WHEEL_MEMORY,
     Body,
     Noise,
+    WheelSample,
     initialise,
     reset_soil,
     update_speed,
@@ -136,8 +137,7 @@ class WheelReading:
 
     def __init__(self, size: int, tracks: int, n: int) -> None:
         self.t = 0.0
-        self.omega = np.zeros(n)
-        self.torque = np.zeros(n)
+        self.sample = WheelSample(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n))
         # Tuples: time, s; sensor; speed, m/s; variance, m^2/s^2.
         self.speeds: list[tuple[float, int, float, float]] = []
         self.before = np.zeros(size)
@@ -164,8 +164,6 @@ class SlipFilter:
         Default variance of a measured speed, m^2/s^2, above 0.
     method : {'ekf', 'ukf', 'scheduled_gain'}
         Kalman filter: extended, unscented, or with scheduled gains.
-    tachometer_pulses : float
-        Pulses per turn that the tachometers count, at least 0; 0 for an ideal tachometer.
     radar_latency, gnss_latency : float
         Delay of stamps after the time of measurement, s, 0 to 0.5.
     radar_min_speed : float
@@ -221,7 +219,6 @@ class SlipFilter:
         radar_variance: float = 0.0025,
         *,
         method: str = 'ukf',
-        tachometer_pulses: float = 0.0,
         radar_latency: float = 0.0,
         gnss_latency: float = 0.0,
         radar_min_speed: float = 0.0,
@@ -230,7 +227,6 @@ class SlipFilter:
             min_speed=min_speed, radar_timeout=radar_timeout, radar_variance=radar_variance
         )
         for name, value, most in (
-            ('tachometer_pulses', tachometer_pulses, math.inf),
             ('radar_latency', radar_latency, 0.5),
             ('gnss_latency', gnss_latency, 0.5),
             ('radar_min_speed', radar_min_speed, math.inf),
@@ -243,7 +239,6 @@ class SlipFilter:
         self.min_speed = min_speed
         self.radar_timeout = radar_timeout
         self.radar_variance = radar_variance
-        self.tachometer_pulses = tachometer_pulses
         self.radar_min_speed = radar_min_speed
         self._method = int(method_named(method))
         self._latency = (radar_latency, gnss_latency)
@@ -272,7 +267,6 @@ class SlipFilter:
             slip=noise.slip,
             wheel_speed=noise.wheel_speed,
             wheel_acceleration=noise.wheel_acceleration,
-            pulse=2 * math.pi / tachometer_pulses if tachometer_pulses else 0.0,
             min_speed=min_speed,
         )
         strengths, self._areas, self._lengths = [], [], []
@@ -538,7 +532,14 @@ class SlipFilter:
                 )
         return np.asarray(stiffness)
 
-    def wheel_states(self, t: float, omega: ArrayLike, torque: ArrayLike) -> None:
+    def wheel_states(
+        self,
+        t: float,
+        omega: ArrayLike,
+        torque: ArrayLike,
+        pulse: ArrayLike = 0.0,
+        counted: ArrayLike = 0.0,
+    ) -> None:
         """Update with a reading of all tachometers and shaft torques.
 
         Parameters
@@ -550,6 +551,9 @@ class SlipFilter:
             Wheel speeds, rad/s, forward positive.
         torque : array_like, shape (n,)
             Shaft torques, N·m, forward positive.
+        pulse, counted : array_like, shape (n,) or ()
+            Angle from pulse to pulse and angle counted in this reading, rad, see `Tachometers`;
+            0: the tachometers do not count.
 
         Raises
         ------
@@ -573,8 +577,9 @@ class SlipFilter:
             else WheelReading(len(self._state), len(self._fresh), self.n_wheels)
         )
         reading.t = t
-        reading.omega[:] = omega
-        reading.torque[:] = torque
+        sample = reading.sample
+        sample.omega[:], sample.torque[:] = omega, torque
+        sample.pulse[:], sample.counted[:] = pulse, counted
         reading.speeds.clear()
         if self.t is None or t >= self.t:
             last = self._readings[-1] if self._readings else None
@@ -707,15 +712,15 @@ class SlipFilter:
         reading.newest[:] = self._ruts.newest
         if reading is self._readings[0]:
             initialise(
-                reading.t, reading.omega, reading.torque, self._x, self._p, self._wheel_memory,
+                reading.t, reading.sample, self._x, self._p, self._wheel_memory,
                 self._vehicle_memory, self._body, self._noise,
             )  # fmt: skip
         elif reading.t > self._trip['time']:
             if self._schedule is not None:
                 self._load_covariance(self._schedule)
             update_wheels(
-                self._method, reading.t, reading.omega, reading.torque, self._x, self._p,
-                self._wheel_memory, self._vehicle_memory, self._ruts, self._body, self._noise,
+                self._method, reading.t, reading.sample, self._x, self._p, self._wheel_memory,
+                self._vehicle_memory, self._ruts, self._body, self._noise,
             )  # fmt: skip
         rims = self._wheels[:, RADIUS] * self._wheel_memory['omega']
         if np.max(np.abs(rims)) < self.min_speed:

@@ -22,6 +22,7 @@ from traction_controller.estimation.plausibility import Plausibility
 from traction_controller.estimation.radius_calibration import GroundSource, RadiusCalibration
 from traction_controller.estimation.rolling_radius import FirmGround
 from traction_controller.estimation.slip_filter import EstimatorNoise, SlipFilter, Source
+from traction_controller.estimation.tachometer import Tachometers
 from traction_model.soil.soil import Soil, load_soil
 from traction_model.vehicle.vehicle import Vehicle, load_vehicle
 from traction_node.positive import check_positive
@@ -65,7 +66,7 @@ class VehicleEstimator:
     method : {'ukf', 'ekf', 'scheduled_gain'}
         Kalman filter.
     tachometer_pulses : float
-        Pulses per turn that the tachometers count; 0 for ideal ones.
+        Pulses per turn that the tachometers count; 0: found from the readings.
     radar_latency, gnss_latency : float
         Delay of stamps after the time of measurement, s, 0 to 0.5.
     radar_min_speed : float
@@ -90,6 +91,8 @@ class VehicleEstimator:
         Distance and pose; `reset` keeps them.
     gnss_track : GnssTrack
         Speed and heading from positions.
+    tachometers : Tachometers
+        Pulses of the tachometers, as given or found.
     immobilisation : Immobilisation
         Warning of immobilisation.
     calibration : RadiusCalibration
@@ -151,7 +154,6 @@ class VehicleEstimator:
             radar_timeout,
             radar_variance,
             method=method,
-            tachometer_pulses=tachometer_pulses,
             radar_latency=radar_latency,
             gnss_latency=gnss_latency,
             radar_min_speed=radar_min_speed,
@@ -167,7 +169,8 @@ class VehicleEstimator:
             WarningLimits(horizon=warning_horizon, slip=warning_slip, min_speed=min_speed),
         )
         self.odometry = PathOdometry()
-        self._plausibility = Plausibility(vehicle, min_speed, tachometer_pulses, stuck_time)
+        self.tachometers = Tachometers(len(vehicle.wheels), tachometer_pulses)
+        self._plausibility = Plausibility(vehicle, min_speed, stuck_time)
         self._min_speed = min_speed
         self._radar_min_speed = radar_min_speed
         self._radar_latency, self._gnss_latency = radar_latency, gnss_latency
@@ -229,6 +232,7 @@ class VehicleEstimator:
     def reset(self) -> None:
         """Reset the estimate; distance, pose and calibrated radii are kept."""
         self.slip_filter.reset()
+        self.tachometers.reset()
         self._plausibility.reset()
         # After a reset in motion, slip is not valid until a speed over ground is measured or the
         # vehicle stands: rim speed alone does not separate slip from speed.
@@ -482,11 +486,13 @@ class VehicleEstimator:
     def _update_filter(self, t: float, omega: Array, torque: Array) -> None:
         slip_filter = self.slip_filter
         v = slip_filter.v if slip_filter.v_valid else math.nan
-        self._plausibility.wheels(t, omega.tolist(), torque.tolist(), v)
+        tachometers = self.tachometers
+        tachometers.update(t, omega)
+        self._plausibility.wheels(t, omega.tolist(), torque.tolist(), v, tachometers.step.tolist())
         if slip_filter.t is not None and t - slip_filter.t > slip_filter.LONGEST_GAP:
             # The filter resets itself in this case.
             self._on_the_move = True
-        slip_filter.wheel_states(t, omega, torque)
+        slip_filter.wheel_states(t, omega, torque, tachometers.pulse, tachometers.counted)
 
     def _travel(self, t: float) -> None:
         """Advance odometry."""

@@ -115,7 +115,7 @@ class SlipEstimatorBehaviour(Behaviour):
         NodeParameter(
             'tachometer_pulses',
             default=0.0,
-            description='pulses per turn of the tachometers; 0: ideal tachometers',
+            description='pulses per turn of the tachometers; 0: found from the readings',
             minimum=0.0,
             maximum=1e6,
             read_only=True,
