@@ -112,10 +112,8 @@ VEHICLE_MEMORY = np.dtype(
         # Time of the newest accepted measured speed, s, and mean normalised innovation.
         ('speed_time', float),
         ('mean_speed_innovation', float),
-        # Newest rejected speed: time, s, speed, m/s, and count of consistent ones in a row.
-        ('refused_time', float),
-        ('refused_speed', float),
-        ('refused_in_a_row', float),
+        # Integral of the acceleration, m/s.
+        ('reckoned', float),
     ],
     align=True,
 )
@@ -476,6 +474,7 @@ def predict(t, sample, x, p, wheel_memory, vehicle_memory, ruts, body, noise):
     trip.place += moved
     trip.travelled += abs(moved)
     trip.acceleration = acceleration
+    trip.reckoned += acceleration * dt
     share = 1.0 - math.exp(-dt / TRANSFER_FILTER)
     trip.smooth_acceleration += share * (acceleration - trip.smooth_acceleration)
     trip.time = t

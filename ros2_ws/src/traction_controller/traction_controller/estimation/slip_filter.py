@@ -41,6 +41,7 @@ from traction_controller.estimation.filter_step import (
 )
 from traction_controller.estimation.kalman import Method, method_named, reset_entry
 from traction_controller.estimation.scheduled_covariance import ScheduledCovariance
+from traction_controller.estimation.speed_trust import SENSOR_MEMORY, follow
 from traction_model.contact.tractive import static_contact_length
 from traction_model.slip import MIN_SPEED, is_valid, slip
 from traction_model.soil.rut import Ruts, fresh_ruts
@@ -202,6 +203,13 @@ class SlipFilter:
     # at this acceleration, m/s^2.
     _AGREEING = 3
     _LARGEST_ACCELERATION = 5.0
+    # A sensor whose scatter exceeds the stated variance by this factor has that variance.
+    _NOISIER = 4.0
+    # A sensor that jumped is trusted again near the estimate, in standard deviations, of which
+    # that of the estimate counts up to a share of 1 m/s plus the speed; or after a time, s, of
+    # slips up to a limit.
+    _NEAR, _DOUBT = 2.0, 0.1
+    _TRIAL, _USUAL_SLIP = 2.0, 0.35
     # Weight of the newest speed in the mean innovation, and limit of that mean, in standard
     # deviations of one innovation (white innovations give it a sixth of this).
     _INNOVATION_SHARE = 0.05
@@ -306,6 +314,7 @@ class SlipFilter:
                 ('p', float, (m, m)),
                 ('wheels', WHEEL_MEMORY, (n,)),
                 ('vehicle', VEHICLE_MEMORY, (1,)),
+                ('sensors', SENSOR_MEMORY, (len(SpeedSensor),)),
                 ('rut_depth', float, ruts.depth.shape),
                 ('rut_shear', float, ruts.depth.shape),
                 ('rut_width', float, ruts.depth.shape),
@@ -318,6 +327,7 @@ class SlipFilter:
         self._x, self._p = state['x'][0], state['p'][0]
         self._wheel_memory = state['wheels'][0]
         self._vehicle_memory = state['vehicle'][0]
+        self._sensors = state['sensors'][0]
         # The same memory with named fields.
         self._trip: Any = self._vehicle_memory[0]
         self._fresh = ruts.newest.copy()
@@ -361,6 +371,7 @@ class SlipFilter:
         self._wheel_memory['held_until'] = -1.0
         self._trip['soil_changed_at'] = -math.inf
         self._trip['speed_time'] = -math.inf
+        self._sensors['time'] = -math.inf
         self._spare.extend(self._readings)
         self._readings.clear()
         self.slip = np.zeros(n)
@@ -568,6 +579,9 @@ class SlipFilter:
         if self.t is not None:
             if t < self.t and (self.t - t > self.LONGEST_GAP or t <= self._readings[0].t):
                 raise ValueError(f'time runs backwards: {t:.6f} s after {self.t:.6f} s')
+            place = bisect_right(self._readings, t + self._SAME, key=lambda other: other.t) - 1
+            if abs(t - self._readings[place].t) <= self._SAME:
+                raise ValueError(f'stamp does not advance: {t:.6f} s again')
             if t - self.t > self.LONGEST_GAP:
                 # Unknown motion during a dropout.
                 self.reset()
@@ -669,6 +683,8 @@ class SlipFilter:
         if place < 0:
             return False
         reading = self._readings[place]
+        if any(other[:2] == entry[:2] for other in reading.speeds):
+            raise ValueError(f'stamp of {name} does not advance: {t:.6f} s again')
         if place == len(self._readings) - 1 and (
             not reading.speeds or reading.speeds[-1] <= entry
         ):
@@ -761,17 +777,25 @@ class SlipFilter:
 
     def _update_speed(self, reading: WheelReading, entry: tuple[float, int, float, float]) -> bool:
         """Update with a measured speed assigned to the newest reading of the wheels."""
-        t, _, v, variance = entry
-        trip = self._trip
+        t, sensor, v, variance = entry
+        trip, record = self._trip, self._sensors[sensor]
         # Measured speed extrapolated to the time of the reading.
         v -= trip['acceleration'] * (t - reading.t)
+        if follow(record, t, v, float(trip['reckoned']), variance):
+            record['suspect'], record['near'], record['implausible_time'] = 1.0, 0.0, t
+        if record['scatter'] > self._NOISIER * variance:
+            variance = float(record['scatter'])
+        if record['suspect']:
+            if not self._trusted_again(sensor, t, v, variance):
+                return False
+            record['suspect'] = 0.0
         if self._unlikely(v, variance):
             off = self._GATE * math.sqrt(2 * variance)
-            off += self._LARGEST_ACCELERATION * abs(t - trip['refused_time'])
-            agrees = trip['refused_in_a_row'] > 0 and abs(v - trip['refused_speed']) <= off
-            trip['refused_in_a_row'] = trip['refused_in_a_row'] + 1 if agrees else 1
-            trip['refused_time'], trip['refused_speed'] = t, v
-            if trip['refused_in_a_row'] < self._AGREEING:
+            off += self._LARGEST_ACCELERATION * abs(t - record['refused_time'])
+            agrees = record['refused_in_a_row'] > 0 and abs(v - record['refused_speed']) <= off
+            record['refused_in_a_row'] = record['refused_in_a_row'] + 1 if agrees else 1
+            record['refused_time'], record['refused_speed'] = t, v
+            if record['refused_in_a_row'] < self._AGREEING:
                 return False
             self._x[SPEED] = v
             reset_entry(self._p, SPEED, variance)
@@ -787,9 +811,30 @@ class SlipFilter:
                 reset_entry(self._p, SPEED, self._INNOVATION_SHARE * expected**2)
                 self._reset_covariance()
             update_speed(self._x, self._p, v, variance)
-        trip['refused_in_a_row'] = 0
+        record['refused_in_a_row'] = 0
         trip['speed_time'] = max(trip['speed_time'], t)
         return True
+
+    def _trusted_again(self, sensor: int, t: float, v: float, variance: float) -> bool:
+        """True if a sensor that has jumped can be trusted again from this reading on."""
+        record = self._sensors[sensor]
+        doubt = min(self.v_variance, (self._DOUBT * (1.0 + abs(self.v))) ** 2)
+        near = abs(v - self.v) <= self._NEAR * math.sqrt(doubt + variance)
+        record['near'] = record['near'] + 1 if near else 0
+        if record['near'] >= self._AGREEING:
+            return True
+        reckoned = self._trip['reckoned']
+        for another, other in enumerate(self._sensors):
+            if another == sensor or other['suspect'] or t - other['time'] > self.LONGEST_GAP:
+                continue
+            expected = other['speed'] + reckoned - other['reckoned']
+            if abs(v - expected) <= self._NEAR * math.sqrt(variance + other['scatter']):
+                return True
+        rims = self._wheels[:, RADIUS] * self._wheel_memory['omega']
+        slips = [slip(v, float(rim)) for rim in rims]
+        if min(slips) < -self._USUAL_SLIP or max(slips) > self._USUAL_SLIP:
+            record['implausible_time'] = t
+        return bool(t - record['implausible_time'] >= self._TRIAL)
 
     def _reset_covariance(self) -> None:
         """Reset the covariance of soil and drawbar; their values are kept."""
