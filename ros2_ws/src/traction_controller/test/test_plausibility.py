@@ -149,6 +149,17 @@ def test_ground_faster_than_driving_wheels_is_not_believed(drive):
     assert drive.check.speed('radar', drive.t, math.nan)
 
 
+def test_a_radar_without_direction_is_not_believed_in_reverse():
+    reverse = Drive()
+    assert reverse.last(50, scale=(-1.0,) * 4, pull=-1.0, v=-V) == ''
+    assert not reverse.check.speed('radar', reverse.t, V)
+    assert reverse.check.speed('radar', reverse.t, -V)
+    # Sliding back slowly while all wheels spin forward, as on a slope.
+    reverse = Drive()
+    reverse.last(50)
+    assert reverse.check.speed('radar', reverse.t, -0.3 * V)
+
+
 def test_stuck_radar_is_not_believed(drive):
     believed = []
     for _ in range(12):

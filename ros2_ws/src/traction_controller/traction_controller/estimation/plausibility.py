@@ -119,6 +119,9 @@ class Plausibility:
     _RECENT = 0.5
     # Speed above which changes are relative to the speed, m/s.
     _SLOW = 1.0
+    # Speed over ground of a sensor without direction, over that of every rim: from, to. A vehicle
+    # that slides against its wheels has it at most for moments.
+    _SAME_SIZE = (0.5, 1.1)
     # Smallest number of equal readings of a stuck sensor; some buses repeat a value of 10 Hz five
     # times.
     _STUCK_READINGS = 8
@@ -354,7 +357,7 @@ class Plausibility:
         -------
         bool
             False if it is implausible: faster than all wheels while they drive, faster than any
-            vehicle, or stuck.
+            vehicle, stuck, or of the other sign than all wheels.
         """
         if not math.isfinite(v) or self._t is None:
             return True
@@ -372,7 +375,15 @@ class Plausibility:
         )
         fastest = max(abs(r * w) for r, w in zip(self._radii, self._omega, strict=True))
         driven = pull > self._DRIVING * sum(self._loads)
-        if stuck or (driven and abs(v) > self._MAX_RATIO * fastest + self._min_speed):
+        if stuck or self._other_sign(v) or (driven and abs(v) > self._MAX_RATIO * fastest + self._min_speed):
             return False
         self._ground, self._ground_t = v, t
         return True
+
+    def _other_sign(self, v: float) -> bool:
+        """True if a speed is that of all rims but for its sign, as of a radar without direction."""
+        low, high = self._SAME_SIZE
+        rims = [rim for rim, _ in self._rims()]
+        return abs(v) >= self._min_speed and all(
+            low * abs(rim) <= abs(v) <= high * abs(rim) and v * rim < 0.0 for rim in rims
+        )
