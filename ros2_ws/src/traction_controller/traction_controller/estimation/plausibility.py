@@ -375,7 +375,11 @@ class Plausibility:
         )
         fastest = max(abs(r * w) for r, w in zip(self._radii, self._omega, strict=True))
         driven = pull > self._DRIVING * sum(self._loads)
-        if stuck or self._other_sign(v) or (driven and abs(v) > self._MAX_RATIO * fastest + self._min_speed):
+        if (
+            stuck
+            or self._other_sign(v)
+            or (driven and abs(v) > self._MAX_RATIO * fastest + self._min_speed)
+        ):
             return False
         self._ground, self._ground_t = v, t
         return True
