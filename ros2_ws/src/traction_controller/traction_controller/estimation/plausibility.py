@@ -385,7 +385,7 @@ class Plausibility:
         return True
 
     def _other_sign(self, v: float) -> bool:
-        """True if a speed is that of all rims but for its sign, as of a radar without direction."""
+        """True if a speed is that of all rims but for its sign, as of an unsigned radar."""
         low, high = self._SAME_SIZE
         rims = [rim for rim, _ in self._rims()]
         return abs(v) >= self._min_speed and all(

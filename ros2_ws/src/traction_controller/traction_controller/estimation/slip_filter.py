@@ -782,14 +782,12 @@ class SlipFilter:
         # Measured speed extrapolated to the time of the reading.
         v -= trip['acceleration'] * (t - reading.t)
         jumped = follow(record, t, v, float(trip['reckoned']), variance)
-        # Back from where it had jumped to: one reading is enough.
-        back = jumped and bool(record['suspect'])
-        if jumped:
-            record['suspect'], record['near'], record['implausible_time'] = 1.0, 0.0, t
         if record['scatter'] > self._NOISIER * variance:
             variance = float(record['scatter'])
+        if jumped and self._unlikely(v, variance):
+            record['suspect'], record['near'], record['implausible_time'] = 1.0, 0.0, t
         if record['suspect']:
-            if not self._trusted_again(sensor, t, v, variance, back):
+            if not self._trusted_again(sensor, t, v, variance, jumped):
                 return False
             record['suspect'] = 0.0
         if self._unlikely(v, variance):
@@ -818,13 +816,16 @@ class SlipFilter:
         trip['speed_time'] = max(trip['speed_time'], t)
         return True
 
-    def _trusted_again(self, sensor: int, t: float, v: float, variance: float, back: bool) -> bool:
+    def _trusted_again(
+        self, sensor: int, t: float, v: float, variance: float, jumped: bool
+    ) -> bool:
         """True if a sensor that has jumped can be trusted again from this reading on."""
         record = self._sensors[sensor]
         doubt = min(self.v_variance, (self._DOUBT * (1.0 + abs(self.v))) ** 2)
         near = abs(v - self.v) <= self._NEAR * math.sqrt(doubt + variance)
         record['near'] = record['near'] + 1 if near else 0
-        if record['near'] >= (1 if back else self._AGREEING):
+        # Back from where it had jumped to, one reading is enough.
+        if record['near'] >= (1 if jumped else self._AGREEING):
             return True
         reckoned = self._trip['reckoned']
         for another, other in enumerate(self._sensors):
