@@ -438,6 +438,7 @@ class SlipEstimatorBehaviour(Behaviour):
             ground_speed_deviation=math.sqrt(estimator.v_variance),
             gnss_refused=estimator.gnss_track.refused,
             radius_state=estimator.radius_state,
+            tachometer_pulses=round(estimator.tachometers.pulses_per_turn),
             time_to_immobilisation=estimator.immobilisation.time_left,
         )
 
