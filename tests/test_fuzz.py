@@ -38,6 +38,7 @@ from traction_model.simulation.sweep import read_sweep
 from traction_model.soil.soil import load_soil
 from traction_model.soil.terrain import load_terrain
 from traction_model.vehicle.vehicle import load_vehicle
+from traction_node.bounded_yaml import BoundedYamlError
 from traction_node.joints import JointError, JointOrder
 from traction_node.parameter_file import read_entries
 from tractor_io.bags.bag_error import BagError
@@ -516,7 +517,8 @@ def test_csv(tmp_path):
 def peak(action):
     tracemalloc.start()
     try:
-        with pytest.raises((BagError, DefinitionError, CsvImportError)) as refused:
+        documented = (BagError, BoundedYamlError, CsvImportError, DefinitionError)
+        with pytest.raises(documented) as refused:
             action()
         return tracemalloc.get_traced_memory()[1], str(refused.value)
     finally:

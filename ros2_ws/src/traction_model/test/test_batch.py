@@ -19,7 +19,9 @@ LOAM = load_soil('sandy_loam_chrono')
 SOFT = load_soil('soft_patch_chrono')
 DT = 0.005
 
-FIELDS = ('v', 'x', 'omega', 'slip', 'sinkage', 'load', 'thrust', 'resistance', 'moment')
+FIELDS = (
+    'v', 'x', 'omega', 'slip', 'sinkage', 'load', 'thrust', 'motion_resistance', 'soil_moment',
+)  # fmt: skip
 
 
 def torques(n, samples=81):

@@ -139,7 +139,7 @@ def zero_list(types: Typestore, element: Any, length: int) -> Any:
     Returns
     -------
     ndarray, shape (length,), or list
-        An array of numbers; a list of texts or messages.
+        An array of numbers, in the unit of the field; a list of texts or messages.
     """
     node, detail = element
     if node is Nodetype.BASE and detail[0] != 'string':
