@@ -142,3 +142,16 @@ def test_backward_counts_are_counts():
 def test_pulses_that_cannot_be(pulses):
     with pytest.raises(ValueError, match='tachometer_pulses must be at least 0'):
         Tachometers(1, pulses)
+
+
+@pytest.mark.parametrize('noise', [0.0, 0.002])
+def test_steps_of_a_bus_do_not_matter_from_standstill_on(noise):
+    # 1/256 km/h on a wheel of 0.65 m, 50 Hz, stamped on arrival; the first readings are few steps.
+    step = 1 / 256 / 3.6 / 0.65
+    random = np.random.default_rng(4)
+    tachometers = Tachometers(1)
+    for k in range(1, 2000):
+        omega = 0.0002 * k + noise * random.standard_normal()
+        stamp = 0.02 * k + random.uniform(-0.001, 0.001)
+        tachometers.update(stamp, np.array([step * round(omega / step)]))
+        assert tachometers.pulses_per_turn == 0.0

@@ -58,13 +58,36 @@ PERIODS = 1000
 
 
 @kernel
+def begin_search(search, size, finest):
+    """Begin to search with a first reading, in place.
+
+    Parameters
+    ----------
+    search : record
+        Record of `SEARCH`, in the unit of the readings.
+    size : float
+        Magnitude of the reading, rad/s or rad.
+    finest : float
+        Smallest step that matters, in the unit of the reading, above 0.
+    """
+    search.changes, search.missed, search.passed = 0.0, 0.0, 0.0
+    if size <= finest:
+        # One step or more of a size that does not matter.
+        search.common, search.step, search.decided = 0.0, 0.0, 1.0
+        return
+    search.common, search.largest, search.newest = size, 1.0, 1.0
+    if search.decided == 0.0:
+        search.step = size
+
+
+@kernel
 def find_step(search, reading, finest):
     """Search for the step of a tachometer with its next reading, in place.
 
     Parameters
     ----------
     search : record
-        One of `SEARCH`, in the unit of the readings.
+        Record of `SEARCH`, in the unit of the readings.
     reading : float
         Wheel speed, rad/s, or angle, rad.
     finest : float
@@ -79,10 +102,7 @@ def find_step(search, reading, finest):
     if search.common == 0.0:
         search.passed += 1.0
         if search.decided == 0.0 or search.passed >= PATIENCE:
-            search.common, search.largest, search.newest = size, 1.0, 1.0
-            search.changes, search.missed = 0.0, 0.0
-            if search.decided == 0.0:
-                search.step = size
+            begin_search(search, size, finest)
         return
     multiple = round(size / search.common)
     off = abs(size - multiple * search.common)
@@ -99,8 +119,7 @@ def find_step(search, reading, finest):
     elif proved:
         search.missed += 1.0
         if search.missed >= MISSES:
-            search.common, search.largest, search.newest = size, 1.0, 1.0
-            search.changes, search.missed = 0.0, 0.0
+            begin_search(search, size, finest)
     else:
         # Euclid: the greatest common step of what it was and of this reading.
         larger, smaller = search.common, off
