@@ -141,6 +141,23 @@ def find_step(search, reading, finest):
             search.step = search.common
 
 
+@kernel
+def find_steps(searches, readings, finest):
+    """Search for the steps of all tachometers with their next readings, in place.
+
+    Parameters
+    ----------
+    searches : ndarray of `SEARCH`, shape (n,)
+        One of each tachometer, in the unit of the readings.
+    readings : ndarray, shape (n,)
+        Wheel speeds, rad/s, or angles, rad.
+    finest : float
+        Smallest step that matters, in the unit of the readings, above 0.
+    """
+    for j in range(readings.size):
+        find_step(searches[j], readings[j], finest)
+
+
 class Tachometers:
     """Angle from pulse to pulse of every wheel's tachometer.
 
@@ -201,9 +218,9 @@ class Tachometers:
                 self._periods = min(self._periods + 1, PERIODS)
                 self._period += (dt - self._period) / self._periods
             self._t = t
-            for j in range(len(omega)):
-                find_step(self._speeds[j], omega[j], FINEST)
-                find_step(self._angles[j], omega[j] * dt, FINEST * self._period)
+            if not self._given:
+                find_steps(self._speeds, omega, FINEST)
+                find_steps(self._angles, omega * dt, FINEST * self._period)
         # Stamps jitter, the period that was counted over does not; but over a gap nobody counts.
         self.counted[:] = omega * (self._period if usual else dt)
         if self._given:
