@@ -10,10 +10,8 @@ from traction_evaluation.faults.table import BUS_ROWS, ROWS
 
 pytestmark = pytest.mark.process
 
-WAITING = 0.2
-"""What nodes may wait for a core on a machine that runs others too, s.
-
-`make faults` allows for none of it."""
+WAITING = 1.0
+"""Allowance for a busy machine, s; `make faults` judges the limits themselves."""
 
 
 EVERY_TIME = {

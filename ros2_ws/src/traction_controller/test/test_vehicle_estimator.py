@@ -210,6 +210,10 @@ def test_clock_set_back_starts_anew_and_slip_waits_for_a_speed(drive):
     drive.t = 0.49
     assert drive.step()
     assert estimator.time_jumped_back == pytest.approx(back)
+    assert estimator.health_due
+    assert estimator.health == (
+        Health.WARN, f'time jumped back by {back:.3f} s: estimating anew'
+    )  # fmt: skip
     assert estimator.t == 0.5
     assert estimator.source is Source.WHEEL
     # Of the jump there is no way.

@@ -312,6 +312,10 @@ class VehicleEstimator:
         watch = self.immobilisation
         if self.refused:
             return Health.ERROR, 'refused: ' + '; '.join(self.refused.values())
+        if self.time_jumped_back:
+            return Health.WARN, (
+                f'time jumped back by {self.time_jumped_back:.3f} s: estimating anew'
+            )
         if self._newest is None:
             return Health.WARN, 'waiting for wheel_states'
         if watch.level is Level.IMMOBILISED:
@@ -481,7 +485,7 @@ class VehicleEstimator:
             back = self._newest - t
             self.reset()
             self._newest, self.time_jumped_back = t, back
-            self._on_the_move = True
+            self._on_the_move = self.health_due = True
 
     def _update_filter(self, t: float, omega: Array, torque: Array) -> None:
         slip_filter = self.slip_filter

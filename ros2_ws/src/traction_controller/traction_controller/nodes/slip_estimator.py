@@ -339,9 +339,7 @@ class SlipEstimatorBehaviour(Behaviour):
             self._epoch = copy.copy(stamp)
         believed = estimator.wheel_states(between(self._epoch, stamp), omega, torque)
         if estimator.time_jumped_back:
-            self.host.get_logger().warning(
-                f'time jumped back by {estimator.time_jumped_back:.3f} s: estimating anew'
-            )
+            self.host.get_logger().warning(estimator.health[1])
         if believed:
             self._send_slip(stamp)
         if estimator.terrain_due:

@@ -313,7 +313,7 @@ _STAMPS = (
         _no_more),
     Row('Clock', 'jumps back by 10 s',
         'estimator: starts anew; gate: commands older than the last',
-        NO_MORE, 'torque_gate', 'older than the last',
+        NO_MORE, 'slip_estimator', 'time jumped back',
         *_fault('wheel_states', 'radar', fault=_later(-10)), _no_more),
 )  # fmt: skip
 
