@@ -59,3 +59,17 @@ def test_broken_or_absent_executor_is_replaced(node, monkeypatch, broken):
     executor = run.executor_for(node)
     assert type(executor) is SingleThreadedExecutor
     assert run.self_test(executor, node)
+
+
+def test_events_that_wait_when_their_entity_is_destroyed_reach_nobody(node):
+    """As an executor has them in its queue: a node that is cleaned up has no state for them."""
+    heard = []
+    subscription = node.subscription('slip_target', heard.append)
+    timer = node.steady_timer(10.0, lambda: heard.append('timer'))
+    subscription.callback('message')
+    timer.callback()
+    assert heard == ['message', 'timer']
+    node._destroy_entities()
+    subscription.callback('late message')
+    timer.callback()
+    assert heard == ['message', 'timer']

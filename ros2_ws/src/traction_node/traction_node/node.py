@@ -238,10 +238,21 @@ class _HostNode(Node):
     def subscription(self, name: str, callback: Callable[[Any], None]) -> Subscription:
         """Subscribe to a topic."""
         row = topic(name)
+        live = [True]
+
+        def deliver(message: Any) -> None:
+            # An executor may have a message queued when the subscription is destroyed.
+            if live:
+                callback(message)
+
+        def destroy(entity: Subscription) -> None:
+            live.clear()
+            self.destroy_subscription(entity)
+
         subscription = self.create_subscription(
-            message_class(row.type), name, callback, QOS[row.qos]
+            message_class(row.type), name, deliver, QOS[row.qos]
         )
-        self._entities.append((self.destroy_subscription, subscription))
+        self._entities.append((destroy, subscription))
         return subscription
 
     def publisher_count(self, name: str) -> int:
@@ -256,8 +267,18 @@ class _HostNode(Node):
 
     def steady_timer(self, period: float, callback: Callable[[], None]) -> Timer:
         """Timer on the steady clock."""
-        timer = self.create_timer(period, callback, clock=self._steady_clock)
-        self._entities.append((self.destroy_timer, timer))
+        live = [True]
+
+        def fire() -> None:
+            if live:
+                callback()
+
+        def destroy(entity: Timer) -> None:
+            live.clear()
+            self.destroy_timer(entity)
+
+        timer = self.create_timer(period, fire, clock=self._steady_clock)
+        self._entities.append((destroy, timer))
         return timer
 
     def steady_time(self) -> float:
