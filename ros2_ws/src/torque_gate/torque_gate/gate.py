@@ -103,6 +103,10 @@ class TorqueGate:
         If parameters are inconsistent.
     """
 
+    # Largest step of the stamps of wheel states while they come, s; a larger one is of a second
+    # clock.
+    _MAX_STEP = 0.5
+
     def __init__(
         self,
         wheel_names: Sequence[str],
@@ -332,8 +336,13 @@ class TorqueGate:
         Returns
         -------
         bool
-            False if they were unusable; then only their stamp is used.
+            False if they were unusable; then only their stamp is used, and that only if it is not
+            of another clock than the stamps that still come.
         """
+        alive = t - self._last_stamped <= self._timeout
+        known = alive and self._newest_stamp > 0.0
+        if known and abs(stamp - self._newest_stamp) > self._MAX_STEP:
+            return False
         self._newest_stamp, self._last_stamped = stamp, t
         try:
             self._measured = self._measurements.values(names, efforts)

@@ -100,7 +100,7 @@ def test_what_no_engine_gives_and_no_vehicle_does_is_refused_from_the_first_on(s
         Plausibility(TRACTOR).wheels(0.0, [scale * omega[0], *omega[1:]], PULL)
     check = Plausibility(TRACTOR)
     check.wheels(0.0, omega, PULL)
-    assert not check.speed('radar', 0.0, -scale * V)
+    assert check.speed('radar', 0.0, -scale * V) == 'is faster than any vehicle'
 
 
 def test_a_reading_of_the_same_time_is_refused_with_those_before(drive):
@@ -141,23 +141,39 @@ def test_refusal_ends_when_the_vehicle_stands(drive):
 
 
 def test_ground_faster_than_driving_wheels_is_not_believed(drive):
-    assert drive.check.speed('radar', drive.t, V)
-    assert not drive.check.speed('radar', drive.t, 10.0 * V)
+    assert drive.check.speed('radar', drive.t, V) == ''
+    why = drive.check.speed('radar', drive.t, 10.0 * V)
+    assert why == 'is faster than all wheels while they drive'
     # Wheels that are locked by brakes.
     drive.last(5, pull=-0.5)
-    assert drive.check.speed('radar', drive.t, 10.0 * V)
-    assert drive.check.speed('radar', drive.t, math.nan)
+    assert drive.check.speed('radar', drive.t, 10.0 * V) == ''
+    assert drive.check.speed('radar', drive.t, math.nan) == ''
 
 
 def test_a_radar_without_direction_is_not_believed_in_reverse():
     reverse = Drive()
     assert reverse.last(50, scale=(-1.0,) * 4, pull=-1.0, v=-V) == ''
-    assert not reverse.check.speed('radar', reverse.t, V)
-    assert reverse.check.speed('radar', reverse.t, -V)
+    why = reverse.check.speed('radar', reverse.t, V)
+    assert why == 'has no sign: the wheels turn the other way'
+    assert reverse.check.speed('radar', reverse.t, -V) == ''
     # Sliding back slowly while all wheels spin forward, as on a slope.
     reverse = Drive()
     reverse.last(50)
-    assert reverse.check.speed('radar', reverse.t, -0.3 * V)
+    assert reverse.check.speed('radar', reverse.t, -0.3 * V) == ''
+
+
+def test_tachometers_without_direction_are_refused_in_reverse():
+    # Torque and ground are backward, the wheels are said to turn forward.
+    reverse = Drive()
+    assert reverse.last(5, pull=-1.0, v=math.nan) == ''
+    assert reverse.check.speed('radar', reverse.t, -V) == ''
+    assert 'speeds of all wheels have no sign' in reverse.read(pull=-1.0, v=math.nan)
+    # With the right sign they are believed again within a second.
+    for k in range(100):
+        why = reverse.read(scale=(-1.0,) * 4, pull=-1.0, v=-V)
+        # Not the same to the last bit.
+        reverse.check.speed('radar', reverse.t, -V * (1.0 + 0.001 * (k % 3)))
+    assert why == ''
 
 
 def test_stuck_radar_is_not_believed(drive):
@@ -165,7 +181,7 @@ def test_stuck_radar_is_not_believed(drive):
     for _ in range(12):
         drive.last(5)
         believed.append(drive.check.speed('radar', drive.t, V))
-    assert believed == [True] * 7 + [False] * 5
+    assert believed == [''] * 7 + ['is stuck'] * 5
 
 
 class CountedDrive:

@@ -64,6 +64,14 @@ class Drive:
             assert self.step(self.v if radar and k % 10 == 0 else None)
         return self.estimator
 
+    def jump(self, off):
+        """Set the time and step until it is believed; returns the number of rejected steps."""
+        self.t += off
+        for k in range(20):
+            if self.step():
+                return k
+        raise AssertionError('time is not believed')
+
 
 @pytest.fixture
 def drive():
@@ -182,13 +190,13 @@ def test_speed_against_wheels_and_torque_is_not_believed(drive):
     v = estimator.v
     # 0.4 m/s off: eight standard deviations of the reading alone, 0.05 m/s.
     assert not estimator.radar(drive.t, V - 0.4, 0.0025)
-    assert estimator.disbelieved == {'radar'}
+    assert estimator.disbelieved == {'radar': 'against wheels and torque'}
     assert estimator.v == v
     assert estimator.health == (
         Health.WARN, 'radar against wheels and torque: not believed'
     )  # fmt: skip
     drive.step(V)
-    assert estimator.disbelieved == set()
+    assert estimator.disbelieved == {}
 
 
 def test_radar_below_its_least_speed_is_no_reading():
@@ -196,7 +204,7 @@ def test_radar_below_its_least_speed_is_no_reading():
     drive.run(100)
     # Far off, but below the smallest speed of the radar.
     assert not drive.estimator.radar(drive.t, 0.01, 0.0025)
-    assert drive.estimator.disbelieved == set()
+    assert drive.estimator.disbelieved == {}
     assert drive.estimator.health == (Health.OK, 'estimating')
 
 
@@ -206,15 +214,13 @@ def test_clock_set_back_starts_anew_and_slip_waits_for_a_speed(drive):
     distance = estimator.odometry.distance
     # 2 s at 0.9 m/s, less the first reading, from which there is no way yet.
     assert distance == pytest.approx(1.99 * V, abs=0.05)
-    back = drive.t - 0.5
-    drive.t = 0.49
-    assert drive.step()
-    assert estimator.time_jumped_back == pytest.approx(back)
+    # Readings of a tenth of a second, 11 of them, show the new time; the last one is believed.
+    assert drive.jump(-1.5) == 10
+    # From 2.00 s to 0.61 s.
+    assert estimator.time_jump == pytest.approx(-1.39)
     assert estimator.health_due
-    assert estimator.health == (
-        Health.WARN, f'time jumped back by {back:.3f} s: estimating anew'
-    )  # fmt: skip
-    assert estimator.t == 0.5
+    assert estimator.health == (Health.WARN, 'time jumped back by 1.390 s: estimating anew')
+    assert estimator.t == pytest.approx(0.61)
     assert estimator.source is Source.WHEEL
     # Of the jump there is no way.
     assert estimator.odometry.distance == distance
@@ -222,7 +228,7 @@ def test_clock_set_back_starts_anew_and_slip_waits_for_a_speed(drive):
     # From torque it is known to 0.5 m/s within 2 s.
     for _ in range(200):
         drive.step()
-        assert estimator.time_jumped_back == 0.0
+        assert estimator.time_jump == 0.0
         assert not estimator.valid.any()
         assert not estimator.v_valid
     assert estimator.slip_filter.valid.all()
@@ -234,9 +240,9 @@ def test_clock_set_back_starts_anew_and_slip_waits_for_a_speed(drive):
 
 
 def test_gap_of_the_wheels_on_the_move_invalidates_slip_until_a_speed_comes(drive):
-    drive.t += SlipFilter.LONGEST_GAP
-    drive.step()
-    assert drive.estimator.time_jumped_back == 0.0
+    assert drive.jump(SlipFilter.LONGEST_GAP) in (10, 11)
+    # The gap, and the readings until it was believed.
+    assert drive.estimator.time_jump == pytest.approx(SlipFilter.LONGEST_GAP + 0.11, abs=0.02)
     assert not drive.estimator.valid.any()
     drive.run(20, radar=False)
     assert not drive.estimator.valid.any()
@@ -246,8 +252,7 @@ def test_gap_of_the_wheels_on_the_move_invalidates_slip_until_a_speed_comes(driv
 
 
 def test_vehicle_that_stands_after_a_gap_needs_no_speed(drive):
-    drive.t += SlipFilter.LONGEST_GAP
-    drive.step()
+    drive.jump(SlipFilter.LONGEST_GAP)
     # Rejected as a jump for a short time, then recognised as standstill.
     drive.omega = drive.torque = 0.0
     for _ in range(60):
@@ -265,6 +270,68 @@ def test_vehicle_that_stands_after_a_gap_needs_no_speed(drive):
     assert drive.estimator.source is Source.WHEEL
 
 
+def test_a_second_clock_is_refused_and_named_once(drive):
+    estimator = drive.estimator
+    said = set()
+    for _ in range(200):
+        assert drive.step(V)
+        # Of another publisher, 1000 s behind and at half the speed.
+        assert not estimator.wheel_states(drive.t - 1000.0, [0.5 * OMEGA], [TORQUE])
+        said.add(estimator.health)
+        assert estimator.time_jump == 0.0
+    assert said == {
+        (Health.ERROR, 'refused: stamp is -1000.0 s off the last one: '
+         'a gap of 0.5 s or more, or a second clock')
+    }  # fmt: skip
+    assert estimator.slip[0] == pytest.approx(SLIP, abs=0.01)
+    drive.run(110)
+    assert estimator.health == (Health.OK, 'estimating')
+
+
+def test_one_reading_a_second_is_refused_with_the_reason():
+    estimator = VehicleEstimator.from_parameters(parameters())
+    assert estimator.wheel_states(0.0, [OMEGA], [TORQUE])
+    for k in range(1, 60):
+        assert not estimator.wheel_states(float(k), [OMEGA], [TORQUE])
+        assert 'a gap of 0.5 s or more' in estimator.health[1]
+    assert not estimator.valid.any()
+
+
+def test_torque_of_the_other_sign_is_named_and_not_used(drive):
+    estimator = drive.estimator
+    drive.torque = -TORQUE
+    for k in range(500):
+        drive.step(V if k % 10 == 0 else None)
+        # The model's error is known after half a second of radar.
+        assert k < 50 or estimator.v == pytest.approx(V, abs=0.05)
+    assert 'shaft torque has the other sign than slip' in estimator.health[1]
+    assert estimator.source is Source.GROUND
+    assert estimator.slip[0] == pytest.approx(SLIP, abs=0.02)
+    # Mended: the model starts anew within 5 s, and is used again some seconds later.
+    drive.torque = TORQUE
+    drive.run(1000)
+    assert estimator.source is Source.BLENDED
+    assert estimator.slip[0] == pytest.approx(SLIP, abs=0.02)
+
+
+def test_torque_that_nobody_asks_for_is_no_immobilisation():
+    for command, level in ((None, Level.IMMOBILISED), (TORQUE, Level.IMMOBILISED),
+                           (0.0, Level.NONE)):  # fmt: skip
+        drive = Drive(estimator(), omega=0.0, v=0.0)
+        for k in range(500):
+            if command is not None:
+                drive.estimator.commanded_torque([command])
+            drive.step(0.0 if k % 10 == 0 else None)
+        assert drive.estimator.immobilisation.level is level
+
+
+def test_several_publishers_are_named(drive):
+    drive.estimator.note_publishers('wheel_states', 2)
+    assert drive.run(10).health == (Health.ERROR, 'refused: 2 publishers of wheel_states')
+    drive.estimator.note_publishers('wheel_states', 1)
+    assert drive.run(10).health == (Health.OK, 'estimating')
+
+
 def test_reading_that_came_late_moves_neither_pose_nor_time(drive):
     estimator = drive.estimator
     t, distance = estimator.t, estimator.odometry.distance
@@ -272,7 +339,7 @@ def test_reading_that_came_late_moves_neither_pose_nor_time(drive):
     assert (estimator.t, estimator.odometry.distance) == (t, distance)
     # Two tenths later than all that is kept.
     assert not estimator.wheel_states(drive.t - 0.51 + 0.02, [OMEGA], [math.inf])
-    assert estimator.time_jumped_back == 0.0
+    assert estimator.time_jump == 0.0
 
 
 def test_soil_and_pose_are_due_at_their_rates():

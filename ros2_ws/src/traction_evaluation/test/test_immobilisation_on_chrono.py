@@ -12,17 +12,11 @@ from traction_model.soil.soil import load_soil
 from traction_model.vehicle.vehicle import GRAVITY
 
 # Standing for 1.5 s under torque counts as stuck: tractor_steps_slow pulls away after 2.4 s.
-MOVING = sorted(set(CHRONO_RUNS) - {'tractor_braked', 'tractor_steps_slow'})
-BRAKED = pytest.param(
-    'tractor_braked',
-    marks=pytest.mark.xfail(
-        strict=True, reason='torque of brakes counts as drive torque: STUCK at 2.7 m/s'
-    ),
-)
+MOVING = sorted(set(CHRONO_RUNS) - {'tractor_steps_slow'})
 
 
 @pytest.mark.parametrize('estimated', [False, True], ids=['true-speed', 'estimated-speed'])
-@pytest.mark.parametrize('name', [*MOVING, BRAKED])
+@pytest.mark.parametrize('name', MOVING)
 def test_silent_on_recorded_runs(name, estimated, chrono):
     """No warning in Chrono's runs, from standstill through soft patches to 56 m/s."""
     recording = chrono(name)

@@ -474,7 +474,8 @@ def predict(t, sample, x, p, wheel_memory, vehicle_memory, ruts, body, noise):
     trip.place += moved
     trip.travelled += abs(moved)
     trip.acceleration = acceleration
-    trip.reckoned += acceleration * dt
+    # No vehicle on wheels changes its speed faster.
+    trip.reckoned += max(-GRAVITY, min(GRAVITY, acceleration)) * dt
     share = 1.0 - math.exp(-dt / TRANSFER_FILTER)
     trip.smooth_acceleration += share * (acceleration - trip.smooth_acceleration)
     trip.time = t

@@ -179,6 +179,7 @@ class Immobilisation:
         torque: ArrayLike,
         mobilised: float = math.nan,
         sinkage: ArrayLike = math.nan,
+        asked: bool = True,
     ) -> Level:
         """Update with one reading.
 
@@ -197,6 +198,9 @@ class Immobilisation:
             if unknown.
         sinkage : array_like, shape (n,) or ()
             Sinkage of every wheel, m; NaN if unknown.
+        asked : bool
+            False if no torque is asked for: torque then does not drive the vehicle, such as that
+            of an engine that turns an implement.
 
         Returns
         -------
@@ -241,7 +245,7 @@ class Immobilisation:
         self._pulls.append((t, pull))
         while self._pulls[0][0] < t - self._TORQUE_MEMORY:
             self._pulls.popleft()
-        trying = pull >= self.limits.effort * self._weight
+        trying = asked and pull >= self.limits.effort * self._weight
         if not (trying and pull >= self._GOES_ON * self._pulls[0][1]):
             self._goes_on_since = t
         goes_on = t - self._goes_on_since >= self._FOLLOWED
@@ -253,6 +257,8 @@ class Immobilisation:
     ) -> None:
         limits = self.limits
         standing = trying and speed < limits.min_speed and (goes_on or rim > limits.min_speed)
+        # Both against the torque: it brakes.
+        standing = standing and max(speed, rim) > -limits.min_speed
         if not standing:
             self._standing_since = None
         elif self._standing_since is None:

@@ -122,6 +122,8 @@ class Plausibility:
     # Speed over ground of a sensor without direction, over that of every rim: from, to. A vehicle
     # that slides against its wheels has it at most for moments.
     _SAME_SIZE = (0.5, 1.1)
+    # Share of `min_speed` above which signs are compared: less is noise.
+    _SIGNED = 0.3
     # Smallest number of equal readings of a stuck sensor; some buses repeat a value of 10 Hz five
     # times.
     _STUCK_READINGS = 8
@@ -167,6 +169,8 @@ class Plausibility:
         self._speeds: dict[str, _Constancy] = {}
         self._ground = 0.0
         self._ground_t = -math.inf
+        # Time of the newest speed over ground that shows tachometers without sign, s.
+        self._unsigned_t = -math.inf
 
     def wheels(
         self,
@@ -256,6 +260,8 @@ class Plausibility:
         v: float,
         step: Sequence[float],
     ) -> str:
+        if t - self._unsigned_t <= self._RECENT:
+            return 'speeds of all wheels have no sign: torque and ground have the other one'
         everything = (*omega, *torque)
         stuck = 0
         for j, name in enumerate(self._names):
@@ -341,7 +347,7 @@ class Plausibility:
             abs(rim - mean) <= self._NEAR * abs(mean) + off + self._min_speed for rim, off in rims
         )
 
-    def speed(self, sensor: str, t: float, v: float) -> bool:
+    def speed(self, sensor: str, t: float, v: float) -> str:
         """Check a reading of the speed over ground; call it with every reading.
 
         Parameters
@@ -355,14 +361,15 @@ class Plausibility:
 
         Returns
         -------
-        bool
-            False if it is implausible: faster than all wheels while they drive, faster than any
-            vehicle, stuck, or of the other sign than all wheels.
+        str
+            Why it is implausible: faster than all wheels while they drive, faster than any
+            vehicle, stuck, or of the other sign than all wheels; '' if it is plausible. If the
+            torque, too, has the other sign than the wheels, these are rejected instead.
         """
         if not math.isfinite(v) or self._t is None:
-            return True
+            return ''
         if abs(v) > self._MAX_SPEED:
-            return False
+            return 'is faster than any vehicle'
         constancy = self._speeds.setdefault(sensor, _Constancy())
         constancy.take(t, v, tuple(self._omega), self._scales[: len(self._omega)])
         stuck = (
@@ -375,19 +382,23 @@ class Plausibility:
         )
         fastest = max(abs(r * w) for r, w in zip(self._radii, self._omega, strict=True))
         driven = pull > self._DRIVING * sum(self._loads)
-        if (
-            stuck
-            or self._other_sign(v)
-            or (driven and abs(v) > self._MAX_RATIO * fastest + self._min_speed)
-        ):
-            return False
+        unsigned = self._other_sign(v)
+        if unsigned and (driven or t - self._unsigned_t <= self._RECENT):
+            self._unsigned_t = t
+            unsigned = False
+        if stuck:
+            return 'is stuck'
+        if unsigned:
+            return 'has no sign: the wheels turn the other way'
+        if driven and abs(v) > self._MAX_RATIO * fastest + self._min_speed:
+            return 'is faster than all wheels while they drive'
         self._ground, self._ground_t = v, t
-        return True
+        return ''
 
     def _other_sign(self, v: float) -> bool:
         """True if a speed is that of all rims but for its sign, as of an unsigned radar."""
         low, high = self._SAME_SIZE
         rims = [rim for rim, _ in self._rims()]
-        return abs(v) >= self._min_speed and all(
+        return abs(v) >= self._SIGNED * self._min_speed and all(
             low * abs(rim) <= abs(v) <= high * abs(rim) and v * rim < 0.0 for rim in rims
         )

@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from traction_controller.estimation.filter_step import (
     DRAWBAR,
     FIRST_WHEEL,
+    MAX_DRAWBAR,
     PER_WHEEL,
     SHEAR_MODULUS,
     SINKAGE_MODULUS,
@@ -41,12 +42,18 @@ from traction_controller.estimation.filter_step import (
 )
 from traction_controller.estimation.kalman import Method, method_named, reset_entry
 from traction_controller.estimation.scheduled_covariance import ScheduledCovariance
+from traction_controller.estimation.speed_filter import (
+    SPEED_TRACK,
+    advance,
+    compare,
+    measure,
+)
 from traction_controller.estimation.speed_trust import SENSOR_MEMORY, follow
 from traction_model.contact.tractive import static_contact_length
 from traction_model.slip import MIN_SPEED, is_valid, slip
 from traction_model.soil.rut import Ruts, fresh_ruts
 from traction_model.soil.soil import Soil
-from traction_model.vehicle.vehicle import Vehicle
+from traction_model.vehicle.vehicle import GRAVITY, Vehicle
 from traction_model.vehicle.wheel import RADIUS, STATIC_LOAD, TRACK
 from traction_node.positive import check_positive
 
@@ -315,6 +322,7 @@ class SlipFilter:
                 ('wheels', WHEEL_MEMORY, (n,)),
                 ('vehicle', VEHICLE_MEMORY, (1,)),
                 ('sensors', SENSOR_MEMORY, (len(SpeedSensor),)),
+                ('track', SPEED_TRACK, (1,)),
                 ('rut_depth', float, ruts.depth.shape),
                 ('rut_shear', float, ruts.depth.shape),
                 ('rut_width', float, ruts.depth.shape),
@@ -330,6 +338,7 @@ class SlipFilter:
         self._sensors = state['sensors'][0]
         # The same memory with named fields.
         self._trip: Any = self._vehicle_memory[0]
+        self._track: Any = state['track'][0][0]
         self._fresh = ruts.newest.copy()
         self._ruts = Ruts(
             state['rut_depth'][0],
@@ -372,6 +381,7 @@ class SlipFilter:
         self._trip['soil_changed_at'] = -math.inf
         self._trip['speed_time'] = -math.inf
         self._sensors['time'] = -math.inf
+        self._track['time'] = -math.inf
         self._spare.extend(self._readings)
         self._readings.clear()
         self.slip = np.zeros(n)
@@ -413,13 +423,23 @@ class SlipFilter:
         self._derive()
 
     @property
+    def soil_rejected(self) -> bool:
+        """True while the soil model predicts measured speeds worse than a plain filter of them.
+
+        `v` is then that of the plain filter, see `traction_controller.estimation.speed_filter`.
+        """
+        return bool(self._track['preferred'])
+
+    @property
     def v(self) -> float:
         """Speed over ground, m/s, forward positive."""
-        return float(self._x[SPEED])
+        return float(self._track['speed'] if self._track['preferred'] else self._x[SPEED])
 
     @property
     def v_variance(self) -> float:
         """Variance of `v`, m^2/s^2."""
+        if self._track['preferred']:
+            return float(self._track['speed_variance'])
         return float(self._p[SPEED, SPEED])
 
     @property
@@ -431,7 +451,9 @@ class SlipFilter:
     def source(self) -> Source:
         """Present source of `v`."""
         silent = self.t is None or self.t - self._trip['speed_time'] > self.radar_timeout + 1e-9
-        return Source.WHEEL if silent else Source.BLENDED
+        if silent:
+            return Source.WHEEL
+        return Source.GROUND if self.soil_rejected else Source.BLENDED
 
     @property
     def gross_traction(self) -> NDArray[np.float64]:
@@ -738,6 +760,8 @@ class SlipFilter:
                 self._method, reading.t, reading.sample, self._x, self._p, self._wheel_memory,
                 self._vehicle_memory, self._ruts, self._body, self._noise,
             )  # fmt: skip
+        if self._track['preferred']:
+            self._keep_track(reading.t)
         rims = self._wheels[:, RADIUS] * self._wheel_memory['omega']
         if np.max(np.abs(rims)) < self.min_speed:
             self._stand_still(int(np.argmin(np.abs(rims))))
@@ -768,6 +792,8 @@ class SlipFilter:
             # The wheels are locked and the vehicle slides.
             return
         update_speed(self._x, self._p, rim, variance)
+        if self._track['preferred']:
+            measure(self._track, float(trip['time']), rim, variance)
         # At rest resistance equals gross traction; it has no information on driving.
         reset_entry(self._p, DRAWBAR, self._unknown_drawbar**2)
 
@@ -777,10 +803,14 @@ class SlipFilter:
 
     def _update_speed(self, reading: WheelReading, entry: tuple[float, int, float, float]) -> bool:
         """Update with a measured speed assigned to the newest reading of the wheels."""
-        t, sensor, v, variance = entry
-        trip, record = self._trip, self._sensors[sensor]
+        t, sensor, measured, variance = entry
+        trip, record, track = self._trip, self._sensors[sensor], self._track
+        after = t - reading.t
+        acceleration = float(trip['acceleration'])
+        if track['preferred']:
+            acceleration = float(track['acceleration'])
         # Measured speed extrapolated to the time of the reading.
-        v -= trip['acceleration'] * (t - reading.t)
+        v = measured - acceleration * after
         jumped = follow(record, t, v, float(trip['reckoned']), variance)
         if record['scatter'] > self._NOISIER * variance:
             variance = float(record['scatter'])
@@ -790,6 +820,22 @@ class SlipFilter:
             if not self._trusted_again(sensor, t, v, variance, jumped):
                 return False
             record['suspect'] = 0.0
+        predicted = float(self._x[SPEED]) + acceleration * after
+        # At smaller speeds slip is not used, and contact is not settled.
+        if abs(measured) >= self.min_speed and compare(track, t, measured, variance, predicted):
+            self._reject_soil()
+        measure(track, t, measured, variance)
+        if track['preferred']:
+            self._follow_track(reading.t)
+        elif not self._update_by(record, t, v, variance):
+            return False
+        record['refused_in_a_row'] = 0
+        trip['speed_time'] = max(trip['speed_time'], t)
+        return True
+
+    def _update_by(self, record: Any, t: float, v: float, variance: float) -> bool:
+        """Update with a speed of a trusted sensor; false if it is outside the gate."""
+        trip = self._trip
         if self._unlikely(v, variance):
             off = self._GATE * math.sqrt(2 * variance)
             off += self._LARGEST_ACCELERATION * abs(t - record['refused_time'])
@@ -801,20 +847,52 @@ class SlipFilter:
             self._x[SPEED] = v
             reset_entry(self._p, SPEED, variance)
             self._reset_covariance()
-        else:
-            expected = math.sqrt(self.v_variance + variance)
-            if trip['travelled'] > self._settling:
-                normalised = (v - self.v) / expected - trip['mean_speed_innovation']
-                trip['mean_speed_innovation'] += self._INNOVATION_SHARE * normalised
-            if abs(trip['mean_speed_innovation']) > self._INNOVATION_LIMIT:
-                # Dozens of innovations of one sign: the error is in soil or drawbar.
-                self._x[SPEED] += trip['mean_speed_innovation'] * expected
-                reset_entry(self._p, SPEED, self._INNOVATION_SHARE * expected**2)
-                self._reset_covariance()
-            update_speed(self._x, self._p, v, variance)
-        record['refused_in_a_row'] = 0
-        trip['speed_time'] = max(trip['speed_time'], t)
+            return True
+        expected = math.sqrt(self.v_variance + variance)
+        if trip['travelled'] > self._settling:
+            normalised = (v - self.v) / expected - trip['mean_speed_innovation']
+            trip['mean_speed_innovation'] += self._INNOVATION_SHARE * normalised
+        if abs(trip['mean_speed_innovation']) > self._INNOVATION_LIMIT:
+            # Dozens of innovations of one sign: the error is in soil or drawbar.
+            self._x[SPEED] += trip['mean_speed_innovation'] * expected
+            reset_entry(self._p, SPEED, self._INNOVATION_SHARE * expected**2)
+            self._reset_covariance()
+        update_speed(self._x, self._p, v, variance)
         return True
+
+    def _reject_soil(self) -> None:
+        """Forget soil and drawbar, which explain measured speeds worse than no model."""
+        for j in range(self.n_wheels):
+            reset_soil(self._x, self._p, j, self._body.changed, False)
+        self._wheel_memory['held_until'] = -1.0
+        self._wheel_memory['mean_innovation'] = 0.0
+        self._trip['mean_speed_innovation'] = 0.0
+        self._x[DRAWBAR] = 0.0
+
+    def _keep_track(self, t: float) -> None:
+        """Predict the plain filter; without measured speed return to the slip filter."""
+        track = self._track
+        if t - self._trip['speed_time'] <= self.radar_timeout + 1e-9:
+            advance(track, t)
+            return
+        self._x[SPEED] = track['speed']
+        # As after the first reading: the wheels may slip.
+        reset_entry(self._p, SPEED, 1.0 + (0.5 * float(track['speed'])) ** 2)
+        track['preferred'] = track['excess'] = 0.0
+        track['time'] = -math.inf
+
+    def _follow_track(self, t: float) -> None:
+        """Set speed and drawbar to those of the plain filter at the time of a reading."""
+        track, trip = self._track, self._trip
+        self._x[SPEED] = track['speed'] + track['acceleration'] * (t - track['time'])
+        reset_entry(self._p, SPEED, float(track['speed_variance']))
+        # Drawbar with which the forces give this acceleration. Half a step, since the smoothed
+        # acceleration of the model lags.
+        mass = self._body.mass
+        missing = mass * (trip['smooth_acceleration'] - track['acceleration'])
+        limit = MAX_DRAWBAR * mass * GRAVITY
+        self._x[DRAWBAR] = np.clip(self._x[DRAWBAR] + 0.5 * missing, -limit, limit)
+        reset_entry(self._p, DRAWBAR, mass**2 * float(track['acceleration_variance']))
 
     def _trusted_again(
         self, sensor: int, t: float, v: float, variance: float, jumped: bool

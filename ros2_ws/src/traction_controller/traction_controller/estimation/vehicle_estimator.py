@@ -23,6 +23,7 @@ from traction_controller.estimation.radius_calibration import GroundSource, Radi
 from traction_controller.estimation.rolling_radius import FirmGround
 from traction_controller.estimation.slip_filter import EstimatorNoise, SlipFilter, Source
 from traction_controller.estimation.tachometer import Tachometers
+from traction_controller.estimation.timeline import Timeline
 from traction_model.soil.soil import Soil, load_soil
 from traction_model.vehicle.vehicle import Vehicle, load_vehicle
 from traction_node.positive import check_positive
@@ -102,13 +103,13 @@ class VehicleEstimator:
         not observed.
     refused : dict of str to str
         Reason of the rejection of the newest reading of a source, by the name of its topic.
-    disbelieved : set of str
-        Sources of speed whose newest reading is outside the gate of the filter.
+    disbelieved : dict of str to str
+        Sources of speed whose newest reading is not believed, with the reason.
     gnss_jumped : bool
         True if the newest position was rejected as a jump.
-    time_jumped_back : float
-        Backward jump of time of the newest reading of the wheels, which reset the estimate, s;
-        0 without a jump.
+    time_jump : float
+        Jump of time with the newest reading of the wheels, which reset the estimate, s, positive
+        forward; 0 without a jump.
     terrain_due, odometry_due : bool
         True if soil and pose are due for publication with the newest reading of the wheels.
     health_due : bool
@@ -119,6 +120,14 @@ class VehicleEstimator:
     ValueError
         If a value is out of its range.
     """
+
+    # Time for which a reading with a strange stamp is told, s.
+    _STRANGE_TIME = 1.0
+    # Gross traction over weight, and slip, whose signs are clear.
+    _CLEAR_TRACTION, _CLEAR_SLIP = 0.05, 0.05
+    # Age of a commanded torque up to which it is used, s, and largest one over weight times radius
+    # that counts as none.
+    _COMMAND_AGE, _NO_COMMAND = 0.5, 0.005
 
     def __init__(
         self,
@@ -163,14 +172,16 @@ class VehicleEstimator:
         )
         self.gnss_track = GnssTrack(latency=gnss_latency, min_speed=min_speed)
         self._nominal_radius = self.slip_filter.rolling_radius
+        self._weight = float(vehicle.static_loads().sum())
         self.immobilisation = Immobilisation(
             self._nominal_radius,
-            float(vehicle.static_loads().sum()),
+            self._weight,
             WarningLimits(horizon=warning_horizon, slip=warning_slip, min_speed=min_speed),
         )
         self.odometry = PathOdometry()
         self.tachometers = Tachometers(len(vehicle.wheels), tachometer_pulses)
         self._plausibility = Plausibility(vehicle, min_speed, stuck_time)
+        self._timeline = Timeline(SlipFilter.LONGEST_GAP)
         self._min_speed = min_speed
         self._radar_min_speed = radar_min_speed
         self._radar_latency, self._gnss_latency = radar_latency, gnss_latency
@@ -242,14 +253,16 @@ class VehicleEstimator:
         self.immobilisation.reset()
         self.yaw_rate, self.yaw_rate_variance = 0.0, math.inf
         self.gnss_jumped = False
-        self.time_jumped_back = 0.0
+        self.time_jump = 0.0
+        self._timeline.reset()
+        self._strange_t = -math.inf
         self._travelled_t: float | None = None
-        # Time of the newest reading of the wheels, accepted or not.
-        self._newest: float | None = None
+        # Sum of the commanded forces at the rims, N, and time, s.
+        self._commanded, self._commanded_t = 0.0, -math.inf
         self._terrain_t = self._odometry_t = -math.inf
         self.terrain_due = self.odometry_due = self.health_due = False
         self.refused: dict[str, str] = {}
-        self.disbelieved: set[str] = set()
+        self.disbelieved: dict[str, str] = {}
 
     @property
     def t(self) -> float | None:
@@ -312,11 +325,13 @@ class VehicleEstimator:
         watch = self.immobilisation
         if self.refused:
             return Health.ERROR, 'refused: ' + '; '.join(self.refused.values())
-        if self.time_jumped_back:
-            return Health.WARN, (
-                f'time jumped back by {self.time_jumped_back:.3f} s: estimating anew'
+        if self.time_jump:
+            way = 'forward' if self.time_jump > 0.0 else 'back'
+            return (
+                Health.WARN,
+                f'time jumped {way} by {abs(self.time_jump):.3f} s: estimating anew',
             )
-        if self._newest is None:
+        if self._timeline.newest is None:
             return Health.WARN, 'waiting for wheel_states'
         if watch.level is Level.IMMOBILISED:
             return Health.ERROR, f'immobilised: {watch.reason.value}'
@@ -325,16 +340,33 @@ class VehicleEstimator:
         if self.gnss_jumped:
             return Health.WARN, 'gnss has jumped: refused'
         if self.disbelieved:
-            sources = ' and '.join(sorted(self.disbelieved))
-            return Health.WARN, f'{sources} against wheels and torque: not believed'
+            said = '; '.join(f'{name} {why}' for name, why in sorted(self.disbelieved.items()))
+            return Health.WARN, f'{said}: not believed'
         if self.source is Source.WHEEL:
             return Health.WARN, 'radar silent: slip rests on shaft torque'
+        if self.slip_filter.soil_rejected:
+            what = (
+                'shaft torque has the other sign than slip'
+                if self._torque_opposes()
+                else ('shaft torque and soil contradict the measured speed')
+            )
+            return Health.WARN, f'{what}: slip rests on speed alone'
         return Health.OK, 'estimating'
 
     @property
     def radius_state(self) -> str:
         """State of the calibration of rolling radii as text; 'off' if it is disabled."""
         return self.calibration.state.value if self._calibrate_radius else 'off'
+
+    def _torque_opposes(self) -> bool:
+        """True if wheels are faster than the ground although the torque brakes, or the reverse."""
+        traction = float(self.gross_traction.sum())
+        slip = float(self.slip.mean()) * math.copysign(1.0, self.v)
+        return (
+            abs(traction) > self._CLEAR_TRACTION * self._weight
+            and abs(slip) > self._CLEAR_SLIP
+            and traction * slip < 0.0
+        )
 
     def refuse(self, source: str, reason: str) -> None:
         """Record the rejection of a reading, for `health`.
@@ -349,14 +381,31 @@ class VehicleEstimator:
         self.refused[source] = reason
         self.health_due = True
 
+    def note_publishers(self, source: str, count: int) -> None:
+        """Note the number of publishers of a topic: more than one is told in `health`.
+
+        Parameters
+        ----------
+        source : str
+            Name of the topic.
+        count : int
+            Number of its publishers.
+        """
+        key = f'{source} publishers'
+        if count > 1:
+            self.refused[key] = f'{count} publishers of {source}'
+        else:
+            self.refused.pop(key, None)
+
     def wheel_states(self, t: float, omega: ArrayLike, torque: ArrayLike) -> bool:
         """Update with a reading of all tachometers and shaft torques.
 
         Parameters
         ----------
         t : float
-            Time of measurement, s, from an origin common to all sensors. A time half a second or
-            more before the newest means that the clock was set: the estimate is reset.
+            Time of measurement, s, from an origin common to all sensors. Readings with a time
+            half a second or more off the newest are rejected. If only such ones come for a tenth
+            of a second, there was a gap or the clock was set: the estimate is reset.
         omega : array_like, shape (n,)
             Wheel speeds, rad/s, forward positive.
         torque : array_like, shape (n,)
@@ -368,12 +417,13 @@ class VehicleEstimator:
             False if the reading was rejected: not finite, wrong number of values, implausible, or
             too late. `refused` has the reason.
         """
-        self.time_jumped_back = 0.0
+        self.time_jump = 0.0
         self.terrain_due = self.odometry_due = self.health_due = False
         try:
             speeds = self.slip_filter.checked('wheel speed', omega)
             torques = self.slip_filter.checked('shaft torque', torque)
-            self._follow_time(t)
+            if not self._on_timeline(t):
+                return False
             self._update_filter(t, speeds, torques)
         except ValueError as error:
             self.refuse('wheel_states', str(error))
@@ -454,7 +504,7 @@ class VehicleEstimator:
             the first reading of the wheels.
         """
         self.health_due = False
-        if self._newest is None:
+        if self._timeline.newest is None:
             return False
         track = self.gnss_track
         accepted = True
@@ -473,19 +523,37 @@ class VehicleEstimator:
         self._calibrate(lambda: self.calibration.fix(track))
         return accepted and not self.gnss_jumped
 
-    def _follow_time(self, t: float) -> None:
-        """Reset if the clock was set."""
+    def commanded_torque(self, torque: Sequence[float]) -> None:
+        """Set the torques commanded to the drives; only `immobilisation` uses them.
+
+        Parameters
+        ----------
+        torque : sequence of float, shape (n,)
+            Torque of every wheel, N·m, forward positive.
+        """
+        force = np.abs(np.asarray(torque, dtype=float)) / self._nominal_radius
+        self._commanded = float(force.sum())
+        self._commanded_t = -math.inf if self.t is None else self.t
+
+    def _on_timeline(self, t: float) -> bool:
+        """True if a reading is on the timeline of the others; resets if that has jumped."""
         if not math.isfinite(t):
             raise ValueError(f'time of measurement is not finite: {t}')
-        if self._newest is None:
-            self._newest = t
-        elif t > self._newest - SlipFilter.LONGEST_GAP:
-            self._newest = max(self._newest, t)
-        else:
-            back = self._newest - t
+        try:
+            jump = self._timeline.add(t)
+        except ValueError as error:
+            self._strange_t = self._timeline.newest or 0.0
+            if _CLOCK not in self.refused:
+                self.refuse(_CLOCK, str(error))
+            return False
+        if jump:
             self.reset()
-            self._newest, self.time_jumped_back = t, back
+            self._timeline.add(t)
+            self.time_jump = jump
             self._on_the_move = self.health_due = True
+        elif t - self._strange_t > self._STRANGE_TIME:
+            self.refused.pop(_CLOCK, None)
+        return True
 
     def _update_filter(self, t: float, omega: Array, torque: Array) -> None:
         slip_filter = self.slip_filter
@@ -493,9 +561,6 @@ class VehicleEstimator:
         tachometers = self.tachometers
         tachometers.update(t, omega)
         self._plausibility.wheels(t, omega.tolist(), torque.tolist(), v, tachometers.step.tolist())
-        if slip_filter.t is not None and t - slip_filter.t > slip_filter.LONGEST_GAP:
-            # The filter resets itself in this case.
-            self._on_the_move = True
         slip_filter.wheel_states(t, omega, torque, tachometers.pulse, tachometers.counted)
 
     def _travel(self, t: float) -> None:
@@ -532,6 +597,8 @@ class VehicleEstimator:
         watch.step(
             t, self.v, omega * scale, torque / scale, self.slip_filter.mobilisation,
             self.slip_filter.sinkage,
+            asked=t - self._commanded_t > self._COMMAND_AGE
+            or self._commanded > self._NO_COMMAND * self._weight,
         )  # fmt: skip
         if watch.level is not before:
             self.health_due = True
@@ -539,32 +606,33 @@ class VehicleEstimator:
     def _speed(self, source: str, t: float, v: float, variance: float) -> bool:
         self.health_due = False
         # Before the first reading of the wheels a speed cannot be assigned to one.
-        if self._newest is None:
+        if self._timeline.newest is None:
             return False
         radar = source == 'radar'
         update = self.slip_filter.radar if radar else self.slip_filter.gnss
-        plausible = self._plausibility.speed(source, t, v)
+        why = self._plausibility.speed(source, t, v)
         try:
-            accepted = plausible and update(t, v, variance)
+            accepted = not why and update(t, v, variance)
         except ValueError as error:
-            self.refuse(source, str(error))
+            if 'wheel_states' not in self.refused:
+                self.refuse(source, str(error))
             return False
         self.refused.pop(source, None)
         if radar and abs(v) < self._radar_min_speed:
             # No reading: neither accepted nor rejected.
             self._note_acceptance(source, True)
             return False
-        self._note_acceptance(source, accepted)
+        self._note_acceptance(source, accepted, why)
         ground = GroundSource.RADAR if radar else GroundSource.VELOCITY
         measured = t - (self._radar_latency if radar else self._gnss_latency)
         self._calibrate(lambda: self.calibration.speed(ground, measured, v))
         return accepted
 
-    def _note_acceptance(self, source: str, accepted: bool) -> None:
+    def _note_acceptance(self, source: str, accepted: bool, why: str = '') -> None:
         if accepted:
-            self.disbelieved.discard(source)
+            self.disbelieved.pop(source, None)
         else:
-            self.disbelieved.add(source)
+            self.disbelieved[source] = why or 'against wheels and torque'
 
     def _calibrate(self, compare: Callable[[], None]) -> None:
         """Update the calibration with a distance over ground, and apply its radii."""
@@ -601,6 +669,9 @@ def _check_track_width(track_width: float, vehicle: Vehicle, name: str = 'the ve
             'has only one there: give 0'
         )
 
+
+# Source of a rejection by time.
+_CLOCK = 'wheel_states clock'
 
 # Node parameters that are passed to the constructor unchanged.
 _PARAMETERS = (

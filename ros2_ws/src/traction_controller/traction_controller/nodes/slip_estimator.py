@@ -4,6 +4,7 @@ The node converts messages; `traction_controller.estimation.vehicle_estimator` c
 estimates.
 """
 
+import contextlib
 import copy
 import math
 from collections.abc import Callable
@@ -314,6 +315,8 @@ class SlipEstimatorBehaviour(Behaviour):
         self.host.subscription('radar', self._on_radar)
         self.host.subscription('gnss_velocity', self._on_gnss_velocity)
         self.host.subscription('gnss', self._on_gnss)
+        self._commands = JointOrder(names, 'wheel_torque effort')
+        self.host.subscription('wheel_torque', self._on_wheel_torque)
 
     def activate(self) -> None:
         """Reset the estimate, as the vehicle may have moved."""
@@ -338,16 +341,21 @@ class SlipEstimatorBehaviour(Behaviour):
             # Copied, since the message may be reused.
             self._epoch = copy.copy(stamp)
         believed = estimator.wheel_states(between(self._epoch, stamp), omega, torque)
-        if estimator.time_jumped_back:
+        if estimator.time_jump:
             self.host.get_logger().warning(estimator.health[1])
         if believed:
             self._send_slip(stamp)
         if estimator.terrain_due:
+            self._check_publishers()
             self._send_terrain(stamp)
         if estimator.health_due:
             self._report_health()
         if estimator.odometry_due:
             self._send_odometry(stamp)
+
+    def _check_publishers(self) -> None:
+        count = self.host.publisher_count('wheel_states')
+        self._estimator.note_publishers('wheel_states', count)
 
     def _on_radar(self, message: Any) -> None:
         self._on_speed(self._estimator.radar, message)
@@ -371,6 +379,13 @@ class SlipEstimatorBehaviour(Behaviour):
         self._estimator.gnss(t, [position.x, position.y, position.z])
         if self._estimator.health_due:
             self._report_health()
+
+    def _on_wheel_torque(self, message: Any) -> None:
+        if not self.host.active:
+            return
+        # Torques of other wheels, as of another vehicle, have no information.
+        with contextlib.suppress(JointError):
+            self._estimator.commanded_torque(self._commands.values(message.name, message.effort))
 
     def _send_slip(self, stamp: Any) -> None:
         message, estimator = self._slip, self._estimator

@@ -1,6 +1,7 @@
 """Estimator without error, to separate errors of estimation and control."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -77,6 +78,15 @@ class PerfectEstimator:
             True.
         """
         return True
+
+    def commanded_torque(self, torque: Sequence[float]) -> None:
+        """Ignore commanded torques.
+
+        Parameters
+        ----------
+        torque : sequence of float, shape (n,)
+            Torque of every wheel, N·m; not used.
+        """
 
     @property
     def slip_stiffness(self) -> Array:

@@ -62,6 +62,9 @@ class Estimator(Protocol):
     def radar(self, t: float, v: float, variance: float) -> bool:
         """Update with a radar reading; False if it is rejected."""
 
+    def commanded_torque(self, torque: Sequence[float]) -> None:
+        """Set the torques after the gate."""
+
 
 def slip_state(estimator: Estimator) -> SlipState:
     """Slip state from an estimate, as in the message SlipEstimate.
@@ -224,4 +227,6 @@ class TractionLoop:
             self.gate.command(steady_time, t, self._names, command)
         else:
             self.gate.step(steady_time)
-        return list(self.gate.output)
+        output = list(self.gate.output)
+        self.estimator.commanded_torque(output)
+        return output

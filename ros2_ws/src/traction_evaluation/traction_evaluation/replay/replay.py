@@ -238,7 +238,7 @@ def replay(
         request = next(
             (n for n in REQUESTS if prefix + n in there and bag.topics[prefix + n].count), ''
         )
-        produced = {'slip_estimate', 'terrain_estimate', 'wheel_torque_command'}
+        produced = {'slip_estimate', 'terrain_estimate', 'wheel_torque_command', 'wheel_torque'}
         sent = {prefix + name: name for name in lockstep.inputs - produced} | (
             {prefix + request: 'torque_request'} if request else {}
         )
