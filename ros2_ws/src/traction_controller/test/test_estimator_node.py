@@ -7,7 +7,7 @@ import pytest
 import yaml
 from geometry_msgs.msg import TwistWithCovarianceStamped
 from nav_msgs.msg import Odometry
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import Imu, JointState
 
 from traction_controller.estimation.odometry import UNOBSERVED
 from traction_controller.estimation.slip_filter import SlipFilter, Source
@@ -54,6 +54,7 @@ class Drive:
         self.wheels = probe.publisher('wheel_states')
         self.radars = probe.publisher('radar')
         self.positions = probe.publisher('gnss')
+        self.imus = probe.publisher('imu')
         probe.meet(NODE, 'slip_estimate')
 
     def send_wheels(self, omega=2.0, torque=TORQUE, name=None):
@@ -77,6 +78,13 @@ class Drive:
         message.pose.pose.position.x = float(east)
         message.pose.pose.position.y = float(north)
         self.positions.publish(message)
+
+    def send_imu(self, acceleration=0.0, yaw_rate=0.0):
+        message = Imu()
+        to_stamp(message.header.stamp, self.t)
+        message.linear_acceleration.x = acceleration
+        message.angular_velocity.z = yaw_rate
+        self.imus.publish(message)
 
     def step(self, radar=None, fix=None, **wheels):
         """Advance by 10 ms; returns the estimate of that instant."""
@@ -135,6 +143,18 @@ def test_estimate_is_the_cores(drive):
         assert list(estimate.rolling_radius) == [0.5]
     assert list(estimate.wheel_names) == ['wheel']
     assert list(estimate.wheel_based_speed) == pytest.approx([0.5 * 2.29])
+
+
+def test_inertial_unit_turns_the_pose(drive, field):
+    odometry = field.subscribe('odometry')
+    drive.run(10)
+
+    def turns():
+        drive.send_imu(yaw_rate=0.25)
+        drive.step()
+        return odometry and odometry[-1].twist.twist.angular.z == pytest.approx(0.25)
+
+    field.wait_for(turns, 'yaw rate of the inertial unit')
 
 
 def test_terrain_and_odometry_come_at_their_rates(drive, field):

@@ -325,6 +325,63 @@ def test_torque_that_nobody_asks_for_is_no_immobilisation():
         assert drive.estimator.immobilisation.level is level
 
 
+def test_inertial_unit_tells_drawbar_from_grade(drive):
+    estimator = drive.estimator
+    # On a slope of 3 % and with a bias of 0.1 m/s^2.
+    offset = 0.1 + GRAVITY * 0.03
+    for k in range(500):
+        assert estimator.imu(drive.t + 0.01, offset, 0.01, 0.0, 0.0)
+        drive.step(V if k % 10 == 0 else None)
+    assert estimator.v == pytest.approx(V, abs=0.02)
+    before = estimator.slip_filter.external_resistance
+    # Less drawbar pull: 0.5 m/s^2, known within 0.2 s, without radar.
+    for _ in range(20):
+        estimator.imu(drive.t + 0.01, offset + 0.5, 0.01, 0.0, 0.0)
+        drive.step()
+    less = before - estimator.slip_filter.external_resistance
+    assert less == pytest.approx(0.5 * RIG.mass, rel=0.2)
+
+
+def test_yaw_rate_of_the_inertial_unit_turns_the_pose(drive):
+    estimator = drive.estimator
+    before = estimator.odometry.yaw
+    for k in range(100):
+        estimator.imu(drive.t + 0.01, 0.0, 0.01, 0.3, 0.0)
+        drive.step(V if k % 10 == 0 else None)
+    assert estimator.yaw_rate == pytest.approx(0.3)
+    assert estimator.odometry.yaw - before == pytest.approx(0.3, abs=0.01)
+
+
+def test_ground_speed_of_each_wheel_in_a_turn():
+    # A turn to the left at 0.25 rad/s and 2 m/s; no slip: rims have the speed of their centres.
+    tractor = VehicleEstimator.from_parameters(
+        parameters(vehicle='tractor_4wd', soil='sandy_loam_chrono')
+    )
+    v, rate = 2.0, 0.25
+    # Track 1.6 m, wheelbase 2.4 m: front wheels move along their steered direction.
+    left, right = v - 0.8 * rate, v + 0.8 * rate
+    ground = [math.hypot(left, 2.4 * rate), math.hypot(right, 2.4 * rate), left, right]
+    radii = [wheel.radius for wheel in tractor.vehicle.wheels]
+    omega = [speed / radius for speed, radius in zip(ground, radii, strict=True)]
+    for k in range(1, 300):
+        t = 0.01 * k
+        tractor.imu(t, 0.0, 0.01, rate, 0.0)
+        tractor.wheel_states(t, omega, [0.0] * 4)
+        if k % 10 == 0:
+            tractor.radar(t, v, 0.0025)
+    assert tractor.slip == pytest.approx([0.0] * 4, abs=0.01)
+
+
+def test_bad_reading_of_the_inertial_unit_is_told(drive):
+    estimator = drive.estimator
+    assert not estimator.imu(drive.t, math.nan, 0.0, 0.0, 0.0)
+    assert estimator.health == (Health.ERROR, 'refused: acceleration of imu is nan')
+    assert not estimator.imu(drive.t + 9.0, 0.0, 0.0, 0.0, 0.0)
+    assert 'imu reading is +9.000 s off the wheels in time' in estimator.health[1]
+    assert estimator.imu(drive.t, 0.0, 0.0, 0.0, 0.0)
+    assert estimator.health == (Health.OK, 'estimating')
+
+
 def test_several_publishers_are_named(drive):
     drive.estimator.note_publishers('wheel_states', 2)
     assert drive.run(10).health == (Health.ERROR, 'refused: 2 publishers of wheel_states')

@@ -90,6 +90,8 @@ WHEEL_MEMORY = np.dtype(
         ('angle_ahead', float),
         ('angle_variance', float),
         ('angle_omega_covariance', float),
+        # Ground speed at the wheel beyond that of the vehicle, m/s: in turns.
+        ('turn', float),
     ],
     align=True,
 )
@@ -159,12 +161,15 @@ class WheelSample(NamedTuple):
         Angle from pulse to pulse of each tachometer, rad; 0 where it does not count.
     counted : ndarray, shape (n,)
         Angle that each tachometer has counted in this reading, rad, forward positive.
+    turn : ndarray, shape (n,)
+        Ground speed at each wheel beyond that of the vehicle, m/s.
     """
 
     omega: Array
     torque: Array
     pulse: Array
     counted: Array
+    turn: Array
 
 
 class Body(NamedTuple):
@@ -217,6 +222,10 @@ INNOVATION_SHARE = 0.2
 INNOVATION_MOMENT, INNOVATION_SLIP = 0.01, 0.015
 CHANGE_INNOVATION = 2.5
 LARGE_INNOVATION = 2.5
+# In turns side forces take a part of the strength of the soil. Difference of a wheel's ground
+# speed from that of the vehicle, as a share of it, at which the variance of moments is twice that
+# of a straight line.
+CORNERING = 0.03
 # Smaller random walk of the drawbar after a change of soil: share, and time constant, s.
 STEADY_DRAWBAR, STEADY_TIME = 0.3, 1.5
 # Counted pulses: wheel speed, rad/s, below which its random walk stays constant; allowed
@@ -415,6 +424,7 @@ def predict(t, sample, x, p, wheel_memory, vehicle_memory, ruts, body, noise):
     for j in range(n):
         wheel, kept = body.wheels[j], wheel_memory[j]
         before = kept.omega
+        kept.turn = sample.turn[j]
         pulse = sample.pulse[j]
         if pulse == 0.0 or abs(pulse - kept.pulse) > SAME_PULSE * pulse:
             start_count(kept, pulse, omega[j] if pulse == 0.0 else before, noise)
@@ -528,11 +538,15 @@ def update_moments(method, x, p, wheel_memory, vehicle_memory, ruts, body, noise
     soil = np.empty((1, body.soils.shape[1]))
     trip = vehicle_memory[0]
     travelled = trip.travelled
+    widest = 0.0
+    for j in range(wheel_memory.shape[0]):
+        widest = max(widest, abs(wheel_memory[j].turn))
+    cornering = 1.0 + (widest / (CORNERING * max(abs(x[SPEED]), noise.min_speed))) ** 2
     for j in range(wheel_memory.shape[0]):
         wheel, kept = body.wheels[j], wheel_memory[j]
         radius = wheel[RADIUS]
         omega = kept.omega
-        v, rim = x[SPEED], radius * omega
+        v, rim = x[SPEED] + kept.turn, radius * omega
         if not is_valid(v, rim, noise.min_speed) or v * rim < 0.0:
             reset_curve(kept)
             continue
@@ -552,7 +566,7 @@ def update_moments(method, x, p, wheel_memory, vehicle_memory, ruts, body, noise
         left = 0.0
         for i in range(count):
             # Not past standstill, where slip and moment change sign.
-            speed = heading * max(heading * points[i, 0], MIN_TRANSIT_SPEED)
+            speed = heading * max(heading * (points[i, 0] + kept.turn), MIN_TRANSIT_SPEED)
             moment, resistance, _, z, shear = quasi_static(
                 speed, omega, kept.load, place, (points[i, 1], points[i, 2], points[i, 3]),
                 body.soils[j], wheel, ruts, guess, soil,
@@ -586,7 +600,7 @@ def update_moments(method, x, p, wheel_memory, vehicle_memory, ruts, body, noise
         changing += OFF_NOMINAL if kept.held_until > 0.0 else 0.0
         unit = radius * wheel[STATIC_LOAD]
         own = (INNOVATION_MOMENT * unit) ** 2 + (INNOVATION_SLIP * per_slip) ** 2 + by_pulses
-        seen = own * (unsettled * changing) ** 2 + rest
+        seen = own * cornering * (unsettled * changing) ** 2 + rest
         for a in range(k):
             for b in range(k):
                 seen += slope[a] * p[entries[a], entries[b]] * slope[b]
@@ -604,8 +618,10 @@ def update_moments(method, x, p, wheel_memory, vehicle_memory, ruts, body, noise
         if travelled <= kept.held_until:
             continue
         variance = (noise.moment * unit) ** 2 + (noise.slip * per_slip) ** 2 + by_pulses + rest
-        variance *= (unsettled * changing) ** 2 * (
-            1.0 + (kept.mean_innovation / LARGE_INNOVATION) ** 4
+        variance *= (
+            cornering
+            * (unsettled * changing) ** 2
+            * (1.0 + (kept.mean_innovation / LARGE_INNOVATION) ** 4)
         )
         optimal_gain(p, h, variance, gain)
         update(x, p, h, gain, innovation, variance)
@@ -640,6 +656,37 @@ def update_wheels(method, t, sample, x, p, wheel_memory, vehicle_memory, ruts, b
     """
     predict(t, sample, x, p, wheel_memory, vehicle_memory, ruts, body, noise)
     update_moments(method, x, p, wheel_memory, vehicle_memory, ruts, body, noise)
+
+
+@kernel
+def update_acceleration(x, p, wheel_memory, vehicle_memory, body, acceleration, variance):
+    """Update with a measured acceleration of the vehicle, after `update_wheels`, in place.
+
+    Parameters
+    ----------
+    x, p : ndarray
+        State and covariance in SI units, see `update_wheels`.
+    wheel_memory, vehicle_memory : ndarray
+        Memory beside state and covariance, SI units, see `update_wheels`.
+    body : Body
+        SI units.
+    acceleration : float
+        Measured acceleration, m/s^2, forward positive.
+    variance : float
+        Its variance, m^2/s^4, above 0.
+    """
+    h = np.zeros(x.size)
+    gain = np.empty(x.size)
+    h[DRAWBAR] = -1.0 / body.mass
+    for j in range(wheel_memory.shape[0]):
+        kept = wheel_memory[j]
+        first = FIRST_WHEEL + PER_WHEEL * j
+        h[SPEED] -= kept.resistance_by_speed / body.mass
+        h[first + STRENGTH] = -kept.resistance_by_strength / body.mass
+        h[first + SHEAR_MODULUS] = -kept.resistance_by_shear_modulus / body.mass
+        h[first + SINKAGE_MODULUS] = -kept.resistance_by_sinkage_modulus / body.mass
+    optimal_gain(p, h, variance, gain)
+    update(x, p, h, gain, acceleration - vehicle_memory[0].acceleration, variance)
 
 
 @kernel

@@ -138,7 +138,7 @@ class _SteadyDrive:
         self._body = body._replace(wheels=wheels)
         soil = np.empty((1, body.soils.shape[1]))
         self._omega, self._torque, self._drawbar = np.zeros(n), np.zeros(n), 0.0
-        self._sample = WheelSample(self._omega, self._torque, np.zeros(n), np.zeros(n))
+        self._sample = WheelSample(self._omega, self._torque, *np.zeros((3, n)))
         for j, wheel in enumerate(wheels):
             self._omega[j] = v / (1.0 - slipping) / wheel[RADIUS]
             moment, resistance, *_ = quasi_static(

@@ -14,7 +14,7 @@ from bisect import bisect_right
 from collections import deque
 from dataclasses import asdict, dataclass
 from enum import IntEnum
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -37,16 +37,22 @@ from traction_controller.estimation.filter_step import (
     WheelSample,
     initialise,
     reset_soil,
+    update_acceleration,
     update_speed,
     update_wheels,
 )
 from traction_controller.estimation.kalman import Method, method_named, reset_entry
 from traction_controller.estimation.scheduled_covariance import ScheduledCovariance
 from traction_controller.estimation.speed_filter import (
+    ACCELERATION,
+    OFFSET,
     SPEED_TRACK,
+    accelerate,
     advance,
     compare,
+    expected_speed,
     measure,
+    rest,
 )
 from traction_controller.estimation.speed_trust import SENSOR_MEMORY, follow
 from traction_model.contact.tractive import static_contact_length
@@ -132,6 +138,30 @@ MIN_STIFFNESS = 0.05
 OTHER_RADIUS = 0.01
 
 
+class Motion(NamedTuple):
+    """Reading of an inertial measurement unit.
+
+    Attributes
+    ----------
+    acceleration : float
+        Specific force along the vehicle, m/s^2, forward positive.
+    variance : float
+        Its variance, m^2/s^4, above 0.
+    yaw_rate : float
+        Rate of yaw, rad/s, counter-clockwise positive.
+    pitch_rate : float
+        Rate of pitch, rad/s, nose down positive (REP-103).
+    bias_variance : float
+        Variance of the biases left in these rates, rad^2/s^2.
+    """
+
+    acceleration: float
+    variance: float
+    yaw_rate: float
+    pitch_rate: float
+    bias_variance: float
+
+
 class WheelReading:
     """A reading of the wheels, the speeds assigned to it, and the state before it.
 
@@ -145,7 +175,8 @@ class WheelReading:
 
     def __init__(self, size: int, tracks: int, n: int) -> None:
         self.t = 0.0
-        self.sample = WheelSample(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n))
+        self.sample = WheelSample(*np.zeros((5, n)))
+        self.motion: Motion | None = None
         # Tuples: time, s; sensor; speed, m/s; variance, m^2/s^2.
         self.speeds: list[tuple[float, int, float, float]] = []
         self.before = np.zeros(size)
@@ -221,6 +252,9 @@ class SlipFilter:
     # deviations of one innovation (white innovations give it a sixth of this).
     _INNOVATION_SHARE = 0.05
     _INNOVATION_LIMIT = 0.8
+    # Error of the model's acceleration, m/s^2, and rim speed below which a vehicle rests, m/s.
+    _ACCELERATION_OPEN = 0.1
+    _AT_REST = 0.02
     # Ground speed is valid up to this standard deviation, m/s.
     _LARGEST_DEVIATION = 0.5
 
@@ -258,6 +292,7 @@ class SlipFilter:
         self._method = int(method_named(method))
         self._latency = (radar_latency, gnss_latency)
 
+        self._positions, self._offsets = vehicle.wheel_positions, vehicle.wheel_offsets
         # A vehicle with a single axle does not run in a rut of its own.
         self._wheels = vehicle.packed_wheels(in_ruts=len(vehicle.axles) > 1)
         loads = vehicle.static_loads()
@@ -433,13 +468,13 @@ class SlipFilter:
     @property
     def v(self) -> float:
         """Speed over ground, m/s, forward positive."""
-        return float(self._track['speed'] if self._track['preferred'] else self._x[SPEED])
+        return float((self._track['x'] if self._track['preferred'] else self._x)[SPEED])
 
     @property
     def v_variance(self) -> float:
         """Variance of `v`, m^2/s^2."""
         if self._track['preferred']:
-            return float(self._track['speed_variance'])
+            return float(self._track['p'][SPEED, SPEED])
         return float(self._p[SPEED, SPEED])
 
     @property
@@ -572,6 +607,7 @@ class SlipFilter:
         torque: ArrayLike,
         pulse: ArrayLike = 0.0,
         counted: ArrayLike = 0.0,
+        motion: Motion | None = None,
     ) -> None:
         """Update with a reading of all tachometers and shaft torques.
 
@@ -587,6 +623,8 @@ class SlipFilter:
         pulse, counted : array_like, shape (n,) or ()
             Angle from pulse to pulse and angle counted in this reading, rad, see `Tachometers`;
             0: the tachometers do not count.
+        motion : Motion, optional
+            Reading of an inertial measurement unit at this time.
 
         Raises
         ------
@@ -616,6 +654,7 @@ class SlipFilter:
         sample = reading.sample
         sample.omega[:], sample.torque[:] = omega, torque
         sample.pulse[:], sample.counted[:] = pulse, counted
+        reading.motion = motion
         reading.speeds.clear()
         if self.t is None or t >= self.t:
             last = self._readings[-1] if self._readings else None
@@ -756,15 +795,47 @@ class SlipFilter:
         elif reading.t > self._trip['time']:
             if self._schedule is not None:
                 self._load_covariance(self._schedule)
+            yaw_rate = 0.0 if reading.motion is None else reading.motion.yaw_rate
+            reading.sample.turn[:] = self._turn(yaw_rate)
             update_wheels(
                 self._method, reading.t, reading.sample, self._x, self._p, self._wheel_memory,
                 self._vehicle_memory, self._ruts, self._body, self._noise,
             )  # fmt: skip
+            if reading.motion is not None:
+                self._update_motion(reading.t, reading.motion)
         if self._track['preferred']:
             self._keep_track(reading.t)
         rims = self._wheels[:, RADIUS] * self._wheel_memory['omega']
         if np.max(np.abs(rims)) < self.min_speed:
-            self._stand_still(int(np.argmin(np.abs(rims))))
+            self._stand_still(int(np.argmin(np.abs(rims))), reading.motion is not None)
+
+    def _turn(self, yaw_rate: float) -> Any:
+        """Ground speed of each wheel beyond that of the vehicle, m/s.
+
+        Speed of the wheel's centre, in the direction of its path: a wheel that is not at the rear
+        axle steers there.
+        """
+        if yaw_rate == 0.0:
+            return 0.0
+        v = self.v
+        along = v - yaw_rate * self._offsets
+        across = yaw_rate * self._positions
+        return np.copysign(np.hypot(along, across), along) - v
+
+    def _update_motion(self, t: float, motion: Motion) -> None:
+        """Update with a reading of an inertial measurement unit."""
+        track = self._track
+        accelerate(
+            track, t, motion.acceleration, motion.variance, motion.pitch_rate, motion.bias_variance
+        )
+        if track['time'] == -math.inf:
+            return
+        acceleration = motion.acceleration - float(track['x'][OFFSET])
+        variance = motion.variance + float(track['p'][OFFSET, OFFSET]) + self._ACCELERATION_OPEN**2
+        update_acceleration(
+            self._x, self._p, self._wheel_memory, self._vehicle_memory, self._body, acceleration,
+            variance,
+        )  # fmt: skip
 
     def _load_covariance(self, schedule: ScheduledCovariance) -> None:
         """Set the covariance scheduled by speed, slip and time without measured speed."""
@@ -778,7 +849,7 @@ class SlipFilter:
                 abs(self.v), mean, t - trip['speed_time'], t - trip['soil_changed_at'], self._p
             )
 
-    def _stand_still(self, slowest: int) -> None:
+    def _stand_still(self, slowest: int, with_motion: bool) -> None:
         """Update at standstill of all wheels: v = 0, unless a sensor measures a speed."""
         radius, kept = self._wheels[slowest, RADIUS], self._wheel_memory[slowest]
         rim = float(radius * kept['omega'])
@@ -792,8 +863,10 @@ class SlipFilter:
             # The wheels are locked and the vehicle slides.
             return
         update_speed(self._x, self._p, rim, variance)
-        if self._track['preferred']:
+        if self._track['preferred'] or with_motion:
             measure(self._track, float(trip['time']), rim, variance)
+        if with_motion and abs(rim) < self._AT_REST:
+            rest(self._track, float(trip['time']))
         # At rest resistance equals gross traction; it has no information on driving.
         reset_entry(self._p, DRAWBAR, self._unknown_drawbar**2)
 
@@ -808,7 +881,7 @@ class SlipFilter:
         after = t - reading.t
         acceleration = float(trip['acceleration'])
         if track['preferred']:
-            acceleration = float(track['acceleration'])
+            acceleration = float(track['x'][ACCELERATION])
         # Measured speed extrapolated to the time of the reading.
         v = measured - acceleration * after
         jumped = follow(record, t, v, float(trip['reckoned']), variance)
@@ -873,26 +946,26 @@ class SlipFilter:
         """Predict the plain filter; without measured speed return to the slip filter."""
         track = self._track
         if t - self._trip['speed_time'] <= self.radar_timeout + 1e-9:
-            advance(track, t)
+            advance(track, t, 0.0, 0.0)
             return
-        self._x[SPEED] = track['speed']
+        self._x[SPEED] = self.v
         # As after the first reading: the wheels may slip.
-        reset_entry(self._p, SPEED, 1.0 + (0.5 * float(track['speed'])) ** 2)
+        reset_entry(self._p, SPEED, 1.0 + (0.5 * self.v) ** 2)
         track['preferred'] = track['excess'] = 0.0
         track['time'] = -math.inf
 
     def _follow_track(self, t: float) -> None:
         """Set speed and drawbar to those of the plain filter at the time of a reading."""
         track, trip = self._track, self._trip
-        self._x[SPEED] = track['speed'] + track['acceleration'] * (t - track['time'])
-        reset_entry(self._p, SPEED, float(track['speed_variance']))
+        self._x[SPEED] = expected_speed(track, t)
+        reset_entry(self._p, SPEED, float(track['p'][SPEED, SPEED]))
         # Drawbar with which the forces give this acceleration. Half a step, since the smoothed
         # acceleration of the model lags.
         mass = self._body.mass
-        missing = mass * (trip['smooth_acceleration'] - track['acceleration'])
+        missing = mass * (trip['smooth_acceleration'] - float(track['x'][ACCELERATION]))
         limit = MAX_DRAWBAR * mass * GRAVITY
         self._x[DRAWBAR] = np.clip(self._x[DRAWBAR] + 0.5 * missing, -limit, limit)
-        reset_entry(self._p, DRAWBAR, mass**2 * float(track['acceleration_variance']))
+        reset_entry(self._p, DRAWBAR, mass**2 * float(track['p'][ACCELERATION, ACCELERATION]))
 
     def _trusted_again(
         self, sensor: int, t: float, v: float, variance: float, jumped: bool
@@ -913,7 +986,8 @@ class SlipFilter:
             if abs(v - expected) <= self._NEAR * math.sqrt(variance + other['scatter']):
                 return True
         rims = self._wheels[:, RADIUS] * self._wheel_memory['omega']
-        slips = [slip(v, float(rim)) for rim in rims]
+        turns = self._wheel_memory['turn']
+        slips = [slip(v + float(turn), float(rim)) for turn, rim in zip(turns, rims, strict=True)]
         if min(slips) < -self._USUAL_SLIP or max(slips) > self._USUAL_SLIP:
             record['implausible_time'] = t
         return bool(t - record['implausible_time'] >= self._TRIAL)
@@ -928,9 +1002,10 @@ class SlipFilter:
 
     def _derive(self) -> None:
         """Slip of every wheel, with variance and validity, from the present speeds."""
-        v, v_variance = self.v, self.v_variance
+        vehicle_v, v_variance = self.v, self.v_variance
         v_valid = self.v_valid
         for j in range(self.n_wheels):
+            v = vehicle_v + self._wheel_memory['turn'][j]
             radius = self._wheels[j, RADIUS]
             rim = radius * self._wheel_memory['omega'][j]
             self.rim_speed[j] = rim

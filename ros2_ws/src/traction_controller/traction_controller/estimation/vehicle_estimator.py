@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from traction_controller.estimation.gnss import GnssTrack
 from traction_controller.estimation.immobilisation import Immobilisation, Level, WarningLimits
+from traction_controller.estimation.inertial import InertialUnit
 from traction_controller.estimation.kalman import method_named
 from traction_controller.estimation.odometry import PathOdometry, axle_yaw_rate
 from traction_controller.estimation.plausibility import Plausibility
@@ -94,6 +95,8 @@ class VehicleEstimator:
         Speed and heading from positions.
     tachometers : Tachometers
         Pulses of the tachometers, as given or found.
+    inertial : InertialUnit
+        Newest readings of `imu`.
     immobilisation : Immobilisation
         Warning of immobilisation.
     calibration : RadiusCalibration
@@ -125,6 +128,8 @@ class VehicleEstimator:
     _STRANGE_TIME = 1.0
     # Gross traction over weight, and slip, whose signs are clear.
     _CLEAR_TRACTION, _CLEAR_SLIP = 0.05, 0.05
+    # Rim speed below which wheels rest, m/s.
+    _AT_REST = 0.02
     # Age of a commanded torque up to which it is used, s, and largest one over weight times radius
     # that counts as none.
     _COMMAND_AGE, _NO_COMMAND = 0.5, 0.005
@@ -180,6 +185,7 @@ class VehicleEstimator:
         )
         self.odometry = PathOdometry()
         self.tachometers = Tachometers(len(vehicle.wheels), tachometer_pulses)
+        self.inertial = InertialUnit()
         self._plausibility = Plausibility(vehicle, min_speed, stuck_time)
         self._timeline = Timeline(SlipFilter.LONGEST_GAP)
         self._min_speed = min_speed
@@ -244,6 +250,7 @@ class VehicleEstimator:
         """Reset the estimate; distance, pose and calibrated radii are kept."""
         self.slip_filter.reset()
         self.tachometers.reset()
+        self.inertial.reset()
         self._plausibility.reset()
         # After a reset in motion, slip is not valid until a speed over ground is measured or the
         # vehicle stands: rim speed alone does not separate slip from speed.
@@ -487,6 +494,45 @@ class VehicleEstimator:
         """
         return self._speed('gnss_velocity', t, v, variance)
 
+    def imu(
+        self, t: float, acceleration: float, variance: float, yaw_rate: float, pitch_rate: float
+    ) -> bool:
+        """Update with a reading of an inertial measurement unit.
+
+        Its bias and mounting are found at standstill, grade and slow changes from speeds.
+
+        Parameters
+        ----------
+        t : float
+            Time of measurement, s.
+        acceleration : float
+            Specific force along the vehicle, m/s^2, forward positive.
+        variance : float
+            Its variance, m^2/s^4; 0: not known, see `InertialUnit`.
+        yaw_rate, pitch_rate : float
+            Rates of yaw, counter-clockwise positive, and of pitch, nose down positive, rad/s.
+
+        Returns
+        -------
+        bool
+            False if it was rejected (`refused` has the reason), or before the first reading of
+            the wheels.
+        """
+        self.health_due = False
+        newest = self._timeline.newest
+        if newest is None:
+            return False
+        try:
+            if abs(t - newest) > SlipFilter.LONGEST_GAP:
+                raise ValueError(f'imu reading is {t - newest:+.3f} s off the wheels in time')
+            self.inertial.add(t, acceleration, variance, yaw_rate, pitch_rate)
+        except ValueError as error:
+            if 'wheel_states' not in self.refused:
+                self.refuse('imu', str(error))
+            return False
+        self.refused.pop('imu', None)
+        return True
+
     def gnss(self, t: float, position: ArrayLike) -> bool:
         """Update with a position from a satellite receiver.
 
@@ -561,7 +607,12 @@ class VehicleEstimator:
         tachometers = self.tachometers
         tachometers.update(t, omega)
         self._plausibility.wheels(t, omega.tolist(), torque.tolist(), v, tachometers.step.tolist())
-        slip_filter.wheel_states(t, omega, torque, tachometers.pulse, tachometers.counted)
+        motion = self.inertial.take(t)
+        slip_filter.wheel_states(
+            t, omega, torque, tachometers.pulse, tachometers.counted, motion
+        )  # fmt: skip
+        # Signal of standstill: no wheel has moved.
+        self.inertial.note_rest(t, bool(np.abs(self.rim_speed).max() < self._AT_REST))
 
     def _travel(self, t: float) -> None:
         """Advance odometry."""
@@ -577,7 +628,10 @@ class VehicleEstimator:
             # A measured speed does not depend on the radii.
             variance = self.calibration.radius_variance / self.slip_filter.rolling_radius**2
             deviation = math.sqrt(variance.mean())
-        if self._track_width:
+        if self.inertial.alive(t):
+            self.yaw_rate = self.inertial.yaw_rate
+            self.yaw_rate_variance = self.inertial.yaw_rate_variance
+        elif self._track_width:
             rims = self.rim_speed
             self.yaw_rate, self.yaw_rate_variance = axle_yaw_rate(
                 rims[self._left], rims[self._right], slip, self._track_width

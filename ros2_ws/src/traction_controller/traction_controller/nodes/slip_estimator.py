@@ -315,6 +315,7 @@ class SlipEstimatorBehaviour(Behaviour):
         self.host.subscription('radar', self._on_radar)
         self.host.subscription('gnss_velocity', self._on_gnss_velocity)
         self.host.subscription('gnss', self._on_gnss)
+        self.host.subscription('imu', self._on_imu)
         self._commands = JointOrder(names, 'wheel_torque effort')
         self.host.subscription('wheel_torque', self._on_wheel_torque)
 
@@ -377,6 +378,20 @@ class SlipEstimatorBehaviour(Behaviour):
         position = message.pose.pose.position
         t = between(self._epoch, message.header.stamp)
         self._estimator.gnss(t, [position.x, position.y, position.z])
+        if self._estimator.health_due:
+            self._report_health()
+
+    def _on_imu(self, message: Any) -> None:
+        if not self.host.active or self._epoch is None:
+            return
+        rate = message.angular_velocity
+        self._estimator.imu(
+            between(self._epoch, message.header.stamp),
+            message.linear_acceleration.x,
+            message.linear_acceleration_covariance[0],
+            rate.z,
+            rate.y,
+        )
         if self._estimator.health_due:
             self._report_health()
 

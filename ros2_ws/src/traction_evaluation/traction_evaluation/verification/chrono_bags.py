@@ -5,6 +5,7 @@ content.
 """
 
 import lzma
+import math
 import shutil
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -18,6 +19,7 @@ from scipy.spatial.transform import Rotation
 from traction_evaluation.verification.chrono import CHRONO_RUNS, ChronoRecording, read_chrono
 from traction_evaluation.verification.wheel_rig import RIG_FILE
 from traction_model.slip import MIN_SPEED, is_valid
+from traction_model.vehicle.vehicle import GRAVITY
 from traction_node.quality_of_service import QOS
 from traction_node.topics import topic
 from tractor_io.bags.message_types import typestore
@@ -29,6 +31,12 @@ EPOCH = 1_000_000_000
 RADAR_SIGMA = 0.05
 """Standard deviation of the radar's noise, m/s."""
 
+IMU_NOISE, IMU_BIAS = 0.2, 0.15
+"""Standard deviation and bias of the acceleration of the inertial measurement unit, m/s²."""
+
+YAW_NOISE, YAW_BIAS = 0.005, 0.004
+"""Standard deviation and bias of its yaw and pitch rate, rad/s."""
+
 SOURCE = 'Project Chrono 8.0.0, SCM deformable terrain, simulated by this project'
 
 TOPICS = (
@@ -39,6 +47,7 @@ TOPICS = (
     'ground_truth/terrain_estimate',
     'ground_truth/odometry',
 )
+"""Topics of every bag; those of turns also have `imu`."""
 
 SEEDS = {
     'tractor_sandy_loam': 1,
@@ -133,6 +142,8 @@ class Messages:
         self._types = typestore().types
         noise = np.random.default_rng(seed).normal(0.0, RADAR_SIGMA, len(samples.time))
         self._radar_speed = samples.v + noise
+        # Of its own, so that the radar's noise does not depend on it.
+        self._imu_random = np.random.default_rng([seed, 1])
 
     def stamp(self, k: int) -> int:
         """Stamp of sample k, ns."""
@@ -156,6 +167,38 @@ class Messages:
         )
         return types['geometry_msgs/msg/TwistWithCovarianceStamped'](
             header=self._header(k, 'radar'), twist=twist
+        )
+
+    def imu(self, k: int) -> Any:
+        """Specific force along the vehicle and rates with noise and bias, means since the last."""
+        s, types = self._s, self._types
+        before = max(0, k - FAST_STEP)
+        dt = max(float(s.time[k] - s.time[before]), 1e-9)
+        # Along the vehicle: v' - yaw'*v_y, and gravity with the nose up.
+        force = (s.v[k] - s.v[before]) / dt - s.yaw_rate[k] * s.v_y[k]
+        force += GRAVITY * math.sin(s.pitch[k]) + IMU_BIAS
+        # Nose down is positive (REP-103).
+        pitch_rate = -(s.pitch[k] - s.pitch[before]) / dt + YAW_BIAS
+        force, yaw_rate, pitch_rate = (
+            self._imu_random.normal(mean, deviation)
+            for mean, deviation in (
+                (force, IMU_NOISE),
+                (s.yaw_rate[k] + YAW_BIAS, YAW_NOISE),
+                (pitch_rate, YAW_NOISE),
+            )
+        )
+        vector = types['geometry_msgs/msg/Vector3']
+        covariance = np.zeros(9)
+        covariance[0] = IMU_NOISE**2
+        return types['sensor_msgs/msg/Imu'](
+            header=self._header(k, 'base_link'),
+            orientation=types['geometry_msgs/msg/Quaternion'](x=0.0, y=0.0, z=0.0, w=1.0),
+            # No orientation is measured.
+            orientation_covariance=np.array([-1.0, *np.zeros(8)]),
+            angular_velocity=vector(x=0.0, y=pitch_rate, z=yaw_rate),
+            angular_velocity_covariance=np.diag([0.0, YAW_NOISE**2, YAW_NOISE**2]).ravel(),
+            linear_acceleration=vector(x=force, y=0.0, z=GRAVITY),
+            linear_acceleration_covariance=covariance,
         )
 
     def slip_estimate(self, k: int) -> Any:
@@ -280,11 +323,14 @@ def make_bag(name: str, csv_path: Path, folder: Path) -> None:
     messages = Messages(samples, SEEDS[name])
     about = {'vehicle': run.vehicle, 'soil': run.soils[0], 'source': f'{SOURCE}: run {name}'}
     with BagWriter(folder, about) as bag:
-        for name in TOPICS:
+        for name in (*TOPICS, 'imu') if run.steered else TOPICS:
             row = topic(name)
             bag.add_topic(f'/{name}', row.type, QOS[row.qos])
         for k in range(0, len(samples.time), FAST_STEP):
             time = messages.stamp(k)
+            # Before the wheels, which the estimator compares with it.
+            if run.steered:
+                bag.write('/imu', time, messages.imu(k))
             bag.write('/wheel_states', time, messages.wheel_states(k))
             if k % TERRAIN_STEP == 0:
                 bag.write('/radar', time, messages.radar(k))

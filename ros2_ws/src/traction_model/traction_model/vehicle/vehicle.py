@@ -29,11 +29,14 @@ class Axle(Definition):
         Position, m ahead of the rear axle.
     wheel : Wheel
         Definition of each of its wheels.
+    track_width : float
+        Distance between its outer wheels, m, at least 0; 0: not known.
     """
 
     wheel_names: tuple[str, ...] = Field(min_length=1)
     x: float
     wheel: Wheel
+    track_width: float = Field(default=0.0, ge=0)
 
 
 class Vehicle(Definition):
@@ -95,6 +98,18 @@ class Vehicle(Definition):
     def wheel_positions(self) -> NDArray[np.float64]:
         """Position of every wheel, m ahead of the rear axle, shape (n,)."""
         return np.array([axle.x for axle in self.axles for _ in axle.wheel_names])
+
+    @property
+    def wheel_offsets(self) -> NDArray[np.float64]:
+        """Position of every wheel, m to the left of the middle, shape (n,)."""
+        return np.concatenate(
+            [
+                axle.track_width * np.linspace(0.5, -0.5, len(axle.wheel_names))
+                if len(axle.wheel_names) > 1
+                else np.zeros(1)
+                for axle in self.axles
+            ]
+        )
 
     @property
     def mass(self) -> float:
