@@ -11,6 +11,7 @@ from traction_node.parameter_file import config
 from traction_node.probe import NodeProcess, Probe, executable
 from traction_node.running_system import RunningSystem
 from traction_node.topics import topics
+from tractor_io.bags.message_types import typestore, zero_message
 from tractor_io.bags.writer import BagWriter
 from tractor_io.can.interface import free_port
 
@@ -107,6 +108,9 @@ def test_policy_of_the_player_is_all_that_it_plays_without_being_told(tmp_path):
     with BagWriter(path) as bag:
         for name, row in topics().items():
             bag.add_topic(f'/{name.lstrip("/")}', row.type)
+        # There must be something to loop.
+        for ns in (0, 10**9):
+            bag.write('/slip_target', ns, zero_message(typestore(), topics()['slip_target'].type))
     parameters = {'bag': path, 'clock': True, 'loop': True, 'wait_for_subscribers': 60.0}
     with (
         NodeProcess(executable('tractor_io', 'bag_player'), params=parameters),
