@@ -11,6 +11,7 @@ WHOLE_SUITE = {
     'tests/test_can_system.py',
     'tests/test_demo.py',
     'tests/test_faults.py',
+    'tests/test_faults_of_the_bus.py',
     'tests/test_system.py',
 }
 """Modules that run all nodes in real time."""

@@ -1,46 +1,15 @@
-"""Every row of docs/safety.md on the running suite."""
+"""Every row of docs/safety.md with faults of topics and processes, on the running suite."""
 
 from pathlib import Path
 
 import pytest
+from fault_rows import EVERY_TIME, check, rows
 
 from traction_bringup.system import system
-from traction_evaluation.faults.bench import BusBench, FaultBench, recorded
+from traction_evaluation.faults.bench import FaultBench, recorded
 from traction_evaluation.faults.table import BUS_ROWS, ROWS
 
 pytestmark = pytest.mark.process
-
-WAITING = 1.0
-"""Allowance for a busy machine, s; `make faults` judges the limits themselves."""
-
-
-EVERY_TIME = {
-    'Command: silent',
-    'Command: stale',
-    'Command: not a number',
-    'Command: unknown wheel',
-    'Command: too large',
-    'Controller: killed',
-    'Estimator: frozen (SIGSTOP)',
-    'Radar: ten times too large',
-    'Tachometer: lost',
-    'Tachometer: one ten times too large',
-    'Clock: jumps back by 10 s',
-    'Emergency stop: by topic',
-    'Emergency stop: by service',
-    'Bus: silent',
-}
-"""One row of each kind; the others take two minutes and are nightly."""
-
-
-def rows(table):
-    """The rows of a table as parameters."""
-    return [
-        pytest.param(
-            row, id=row.name, marks=() if row.name in EVERY_TIME else (pytest.mark.nightly,)
-        )
-        for row in table
-    ]
 
 
 def test_rows_of_every_time_are_in_the_table():
@@ -56,16 +25,6 @@ def bag(tmp_path_factory):
 def bench(bag):
     with FaultBench(system, bag) as running:
         yield running
-
-
-@pytest.fixture(scope='module')
-def bus():
-    with BusBench(system) as running:
-        yield running
-
-
-def check(row, outcome):
-    assert outcome.reaction <= row.limit + WAITING, row.name
 
 
 @pytest.mark.parametrize('row', rows(ROWS))
@@ -101,8 +60,3 @@ def test_nothing_recorded_is_lost(bench, bag: Path):
     kept, heard = recorded(bench, bag)
     assert heard > 500
     assert kept == heard
-
-
-@pytest.mark.parametrize('row', rows(BUS_ROWS))
-def test_fault_of_the_bus(bus, row):
-    check(row, bus.measure(row))

@@ -1,6 +1,7 @@
 """Table of hazards: fault, detection, safe output and time limit.
 
-`make faults` measures all rows and writes docs/safety.md; tests/test_faults.py tests every row.
+`make faults` measures all rows and writes docs/safety.md; tests/test_faults.py and
+tests/test_faults_of_the_bus.py test every row.
 """
 
 import itertools

@@ -54,6 +54,7 @@ UNITS = {
     'chassis_cg_x': 'm',
     'chassis_cg_height': 'm',
     'hitch_height': 'm',
+    'track_width': 'm',
     'drag_area': 'm^2',
     'x': 'm',
     'radius': 'm',
