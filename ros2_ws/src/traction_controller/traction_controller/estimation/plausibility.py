@@ -92,10 +92,10 @@ class Plausibility:
     # m/s.
     _MAX_TORQUE = 10.0
     _MAX_SPEED = 1000.0
-    # Change of wheel speed that is always accepted, rad/s, and shortest interval assumed for a
-    # change, s, since a bus stamps the time of arrival.
+    # Change of wheel speed that is always accepted, rad/s, and shortest and longest interval
+    # assumed for a change, s: a bus stamps the time of arrival, and no wheel speeds up for long.
     _SMALL_CHANGE = 0.5
-    _MIN_TIME = 0.005
+    _MIN_TIME, _MAX_TIME = 0.005, 0.03
     # Mean change from reading to reading: weight of the newest, its largest value, rad/s, and
     # largest accepted multiple of the mean.
     _SCATTER_SHARE, _MAX_SCATTER, _SCATTER = 0.02, 5.0, 3.0
@@ -272,7 +272,7 @@ class Plausibility:
                 return f"speed of wheel '{name}' is beyond any vehicle"
             if self._t is not None:
                 most = (abs(torque[j]) + grip * radius) / self._inertias[j]
-                most *= max(t - self._t, self._MIN_TIME)
+                most *= min(max(t - self._t, self._MIN_TIME), self._MAX_TIME)
                 change = abs(omega[j] - self._omega[j])
                 # Counts at the same speed differ by less than two pulses.
                 most += self._SMALL_CHANGE + 2.0 * step[j] + self._SCATTER * self._scatter[j]
